@@ -1,0 +1,1 @@
+//! Directed-edge connectivity of triangle meshes: one-rings, half-edge collapse and its exact inverse, manifold repair.

@@ -1,0 +1,1 @@
+//! Triangle streams and in-core meshes: STL, PLY, OBJ, glTF in and out.

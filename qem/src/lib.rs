@@ -1,0 +1,1 @@
+//! Quadric error metrics: accumulation, evaluation, minimiser.

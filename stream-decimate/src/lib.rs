@@ -1,0 +1,1 @@
+//! Decimation of triangle streams of any length in a fixed buffer.

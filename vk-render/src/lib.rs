@@ -1,0 +1,1 @@
+//! Draws a mesh that changes a little every frame, through Vulkan.

@@ -1,0 +1,1 @@
+//! The xfm command line: build, info, verify, extract, diff, fly.
