@@ -1,1 +1,3 @@
-//! The xfm command line: build, info, verify, extract, diff, fly.
+//! The `xfm` command line as a library: one module per command, and what they share.
+
+pub mod distance;

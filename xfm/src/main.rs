@@ -1,0 +1,3 @@
+//! The `xfm` binary.
+
+fn main() {}
