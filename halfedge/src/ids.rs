@@ -1,16 +1,16 @@
 //! Index newtypes with a niche, so that `Option<Id>` takes four bytes.
 
-use std::fmt;
-use std::num::NonZeroU32;
-
-macro_rules! id {
+/// Defines an index newtype: `define_id!(/** doc */ NodeId, "n");`, the letter being what stands before the number in
+/// its `Debug` output.
+#[macro_export]
+macro_rules! define_id {
     ($(#[$doc:meta])* $name:ident, $letter:literal) => {
         $(#[$doc])*
         ///
         /// Any `u32` but [`u32::MAX`]; `Option` of it takes four bytes.
         #[derive(Clone, Copy, PartialEq, Eq, Hash)]
         #[repr(transparent)]
-        pub struct $name(NonZeroU32);
+        pub struct $name(std::num::NonZeroU32);
 
         impl $name {
             /// The id with this index.
@@ -19,7 +19,7 @@ macro_rules! id {
             /// When `index` is [`u32::MAX`], which stands for "none".
             #[inline]
             pub const fn new(index: u32) -> Self {
-                match NonZeroU32::new(!index) {
+                match std::num::NonZeroU32::new(!index) {
                     Some(bits) => Self(bits),
                     None => panic!("index u32::MAX is reserved"),
                 }
@@ -59,14 +59,14 @@ macro_rules! id {
             }
         }
 
-        impl fmt::Debug for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl std::fmt::Debug for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 write!(f, concat!($letter, "{}"), self.get())
             }
         }
 
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 write!(f, "{}", self.get())
             }
         }
@@ -75,17 +75,17 @@ macro_rules! id {
     };
 }
 
-id!(
+define_id!(
     /// A vertex.
     VertexId,
     "v"
 );
-id!(
+define_id!(
     /// A triangle; its half-edges are `3f`, `3f + 1`, `3f + 2`.
     FaceId,
     "f"
 );
-id!(
+define_id!(
     /// A directed edge `h = 3f + i`, running counter-clockwise from corner `i` of face `f` to the next corner.
     HalfEdgeId,
     "h"

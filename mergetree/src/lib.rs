@@ -1,1 +1,11 @@
 //! Merge-tree forests of half-edge collapses and their view-dependent active front.
+
+mod forest;
+mod node;
+mod record;
+mod store;
+
+pub use forest::{BaseMesh, BaseVertex, Forest, ForestError};
+pub use node::{HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
+pub use record::{CollapseRecord, StarBounds};
+pub use store::NodeStore;

@@ -1,0 +1,25 @@
+//! Where the front finds its nodes.
+
+use crate::{BaseMesh, Node, NodeId, SlotId};
+
+/// Gives the front the nodes of a forest, which may be in memory or not.
+///
+/// Once a node is resident it stays so at least as long as it has a [slot](Node::slot). The nodes of a forest in memory
+/// ([`crate::Forest`]) all are; a pager keeps those that are wanted.
+pub trait NodeStore {
+    /// The coarsest mesh, always resident.
+    fn base(&self) -> &BaseMesh;
+
+    /// The node, if it is resident.
+    fn node(&self, id: NodeId) -> Option<&Node>;
+
+    /// Asks for a node, the more urgently the higher `urgency` (the screen-space error in pixels). Returns whether it
+    /// is resident now; if not, it may be in a later frame, or never when it cannot be read.
+    fn request(&mut self, id: NodeId, urgency: f32) -> bool;
+
+    /// Notes where the front keeps a node that was split, or with `None` that it was collapsed.
+    ///
+    /// # Panics
+    /// When the node is not resident.
+    fn set_slot(&mut self, id: NodeId, slot: Option<SlotId>);
+}
