@@ -1,0 +1,27 @@
+//! The project's own commands, called as `cargo xtask COMMAND`.
+//!
+//! [`generate`] makes deterministic test meshes of any size in constant memory; the other modules
+//! are one command each.
+//!
+//! ```
+//! use xtask::generate::{Generator, Options, Shape};
+//!
+//! let mut options = Options::new(Shape::Torus, 1_000);
+//! options.seed = 7;
+//! let generator = Generator::new(&options)?;
+//! let mut count = 0;
+//! generator.triangles(&mut |chunk| {
+//!     count += chunk.len() as u64;
+//!     Ok(())
+//! })?;
+//! assert_eq!(count, generator.num_triangles());
+//! # Ok::<(), xtask::Error>(())
+//! ```
+
+pub mod command_line;
+mod error;
+// `gen` is a keyword of the 2024 edition, so the module has the verb's whole name.
+#[path = "gen/mod.rs"]
+pub mod generate;
+
+pub use error::Error;
