@@ -3,9 +3,7 @@
 use glam::Vec3;
 use halfedge::{FaceId, HalfEdgeId, HalfEdgeMesh, VertexId};
 
-use crate::{
-    CollapseRecord, HalfEdgeName, HalfEdgeNames, Node, NodeId, NodeStore, OctNormal, SlotId,
-};
+use crate::{CollapseRecord, HalfEdgeNames, Node, NodeId, NodeStore, OctNormal, SlotId};
 
 /// A vertex of the coarsest mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -16,7 +16,7 @@ halfedge::define_id!(
 
 /// A unit vector in 32 bits: the octahedron unfolded onto a square of two signed 16-bit fractions.
 ///
-/// The angular error is below 0.003 degrees.
+/// The angular error is below 0.005 degrees.
 ///
 /// # Sources
 /// Meyer, Süßmuth, Sußner, Stamminger and Greiner, *On Floating-Point Normal Vectors*, 2010.
@@ -168,7 +168,7 @@ mod tests {
                 );
                 let v = vec3(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
                 let back = OctNormal::new(v).to_vec3();
-                assert!(v.distance(back) < 5e-5, "{v} {back}");
+                assert!(v.distance(back) < 7e-5, "{v} {back}");
             }
         }
         assert_eq!(OctNormal::new(Vec3::ZERO).to_vec3(), Vec3::Z);
