@@ -1,3 +1,7 @@
-//! The `xfm` binary.
+//! The `xfm` binary: the library's command line and nothing else.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    xfm::run(std::env::args_os())
+}

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::frame::Frame;
 use super::sample::Sampler;
-use super::surface::{DistanceError, Surface};
+use super::surface::{DistanceError, Side, Surface};
 use super::tree::Tree;
 
 /// Points that one task works through in order. Part of the result's definition only through the order of summation,
@@ -55,7 +55,7 @@ pub struct DistanceReport {
 
 /// Is told how the work goes on, and may end it.
 pub trait Observer: Sync {
-    /// `points` more of [`total_points`](Self::begin) have been measured. Called from any thread.
+    /// `points` more of the total have been measured. Called from any thread.
     fn advance(&self, points: u64);
 
     /// Called once before the first point, with the number of points to come.
@@ -112,26 +112,25 @@ pub fn measure_observed(
 ) -> Result<DistanceReport, DistanceError> {
     let frame = Frame::around(a, b);
     let (tree_a, tree_b) = rayon::join(|| Tree::new(a, &frame), || Tree::new(b, &frame));
-    let sampler = |tree| {
-        let samples = options.samples.max(1);
+    let samples = options.samples.max(1);
+    let sampler = |tree, side| {
         Sampler::new(tree, samples, options.seed)
-            .ok_or(DistanceError::NoArea { triangles: tree.triangles.len() })
+            .ok_or(DistanceError::NoArea { side, triangles: tree.triangles.len() })
     };
-    let (sampler_a, sampler_b) = (sampler(&tree_a)?, sampler(&tree_b)?);
-    let num_points = 2 * options.samples.max(1) + tree_a.positions.len() + tree_b.positions.len();
+    let (sampler_a, sampler_b) = (sampler(&tree_a, Side::A)?, sampler(&tree_b, Side::B)?);
+    let num_points = 2 * samples + tree_a.positions.len() + tree_b.positions.len();
     observer.begin(num_points as u64);
     let one_sided = |tree: &Tree, sampler: &Sampler<'_>, target: &Tree| -> Option<OneSided> {
         let vertices = over_batches(tree.positions.len(), target, observer, |range, visit| {
             tree.positions[range].iter().for_each(|&position| visit(position));
         })?;
-        let samples = over_batches(options.samples.max(1), target, observer, |range, visit| {
+        let sampled = over_batches(samples, target, observer, |range, visit| {
             sampler.draw(range, visit);
         })?;
-        let num_samples = options.samples.max(1) as f64;
         Some(OneSided {
-            max: frame.length_outside(vertices.max_squared.max(samples.max_squared).sqrt()),
-            mean: frame.length_outside(samples.sum / num_samples),
-            rms: frame.length_outside((samples.sum_squared / num_samples).sqrt()),
+            max: frame.length_outside(vertices.max_squared.max(sampled.max_squared).sqrt()),
+            mean: frame.length_outside(sampled.sum / samples as f64),
+            rms: frame.length_outside((sampled.sum_squared / samples as f64).sqrt()),
         })
     };
     let a_to_b = one_sided(&tree_a, &sampler_a, &tree_b).ok_or(DistanceError::Cancelled)?;

@@ -55,4 +55,4 @@ mod tests;
 pub use measure::{
     DistanceOptions, DistanceReport, NoObserver, Observer, OneSided, measure, measure_observed,
 };
-pub use surface::{DistanceError, Surface};
+pub use surface::{DistanceError, Side, Surface};

@@ -1,5 +1,7 @@
 //! A surface to measure: triangles whose indices and coordinates have been checked once.
 
+use std::fmt;
+
 use glam::DVec3;
 
 /// Why two surfaces cannot be compared.
@@ -7,16 +9,24 @@ use glam::DVec3;
 #[non_exhaustive]
 pub enum DistanceError {
     /// The mesh has no triangles, so there is nothing to measure from or to.
-    #[error("the mesh has no triangles, so it has no surface to measure")]
+    #[error(
+        "the mesh has no triangles, so there is no surface to measure; check that it is the file you meant"
+    )]
     Empty,
     /// Every triangle is degenerate: an average over the surface does not exist.
-    #[error("all {triangles} triangles have zero area, so no average over the surface exists")]
+    #[error(
+        "all {triangles} triangles of {side} have zero area, so no average over its surface exists; check how it was exported"
+    )]
     NoArea {
+        /// Which of the two surfaces.
+        side: Side,
         /// How many triangles the mesh has.
         triangles: usize,
     },
     /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} uses vertex {vertex}, but the mesh has {vertices} vertices")]
+    #[error(
+        "triangle {triangle} uses vertex {vertex}, but there are {vertices} vertices; export the mesh again"
+    )]
     IndexOutOfRange {
         /// The triangle, counted from 0.
         triangle: usize,
@@ -26,16 +36,42 @@ pub enum DistanceError {
         vertices: usize,
     },
     /// A vertex that a triangle uses has a coordinate that is not a number, or infinite.
-    #[error("vertex {vertex} of triangle {triangle} is not finite")]
+    #[error(
+        "vertex {vertex} of triangle {triangle} is not finite; remove that triangle or export the mesh again"
+    )]
     NotFinite {
         /// The triangle, counted from 0.
         triangle: usize,
         /// The vertex, counted from 0.
         vertex: u32,
     },
+    /// There are more triangles than the search can number.
+    #[error("{triangles} triangles are more than can be measured at once; split the mesh")]
+    TooLarge {
+        /// How many triangles the mesh has.
+        triangles: usize,
+    },
     /// The observer asked to stop.
     #[error("interrupted")]
     Cancelled,
+}
+
+/// One of the two surfaces of a measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The first.
+    A,
+    /// The second.
+    B,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::A => "the first mesh",
+            Self::B => "the second mesh",
+        })
+    }
 }
 
 /// A triangle mesh taken as a set of points in space.
@@ -55,11 +91,15 @@ impl Surface {
     ///
     /// # Errors
     ///
-    /// [`DistanceError::Empty`] without triangles, [`DistanceError::IndexOutOfRange`] and
+    /// [`DistanceError::Empty`] without triangles, [`DistanceError::TooLarge`] with 2³² − 1 of them or more,
+    /// [`DistanceError::IndexOutOfRange`] and
     /// [`DistanceError::NotFinite`] for the first triangle that is at fault.
     pub fn new(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result<Self, DistanceError> {
         if triangles.is_empty() {
             return Err(DistanceError::Empty);
+        }
+        if triangles.len() >= u32::MAX as usize {
+            return Err(DistanceError::TooLarge { triangles: triangles.len() });
         }
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for (triangle, corners) in triangles.iter().enumerate() {

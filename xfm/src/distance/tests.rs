@@ -332,7 +332,7 @@ fn surfaces_that_cannot_be_measured_say_why() {
     let point = Surface::new(vec![p; 3], vec![[0, 1, 2]]).expect("a point is a surface");
     assert_eq!(
         measure(&square(1, 0.0), &point, &options(10)),
-        Err(DistanceError::NoArea { triangles: 1 })
+        Err(DistanceError::NoArea { side: Side::B, triangles: 1 })
     );
 }
 

@@ -1,0 +1,48 @@
+//! Exit codes, help and usage errors of the command line as a whole.
+
+mod common;
+
+use common::{Folder, flat_square, xfm};
+
+#[test]
+fn help_goes_to_standard_output_and_succeeds() {
+    for args in [&["--help"][..], &["diff", "--help"], &["help", "diff"], &["--version"]] {
+        let ran = xfm(args);
+        assert_eq!(ran.code, 0, "{args:?}");
+        assert_ne!(ran.stdout, "", "{args:?}");
+        assert_eq!(ran.stderr, "", "{args:?}");
+    }
+}
+
+#[test]
+fn wrong_usage_exits_with_2_and_says_what_is_wrong() {
+    let cases: [(&[&str], &str); 6] = [
+        (&[], "Usage"),
+        (&["melt"], "melt"),
+        (&["diff"], "<A>"),
+        (&["diff", "a.obj"], "<B>"),
+        (&["diff", "a.obj", "b.obj", "--samples", "0"], "--samples"),
+        (&["diff", "a.obj", "b.obj", "--threads", "x"], "--threads"),
+    ];
+    for (args, told) in cases {
+        let ran = xfm(args);
+        assert_eq!(ran.code, 2, "{args:?}: {}", ran.stderr);
+        assert!(ran.stderr.contains(told), "{args:?}: {}", ran.stderr);
+        assert_eq!(ran.stdout, "", "{args:?}");
+    }
+}
+
+#[test]
+fn a_reader_that_closes_the_report_early_is_no_failure() {
+    let folder = Folder::new();
+    let square = folder.write("square.obj", flat_square(0.0));
+    let mut child = common::command(&["diff", &square, &square, "--samples", "1000", "--json"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the binary runs");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("the binary ends");
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(output.stderr, b"");
+}
