@@ -11,6 +11,9 @@ pub enum Error {
     /// A mesh could not be read or written.
     #[error(transparent)]
     Mesh(#[from] mesh_io::Error),
+    /// Standard input has no extension that would tell the format.
+    #[error("standard input: cannot tell the format; say which it is with --from")]
+    NoFormat,
     /// Meshes cannot be compared.
     #[error("{name}: {source}")]
     Distance {
@@ -32,7 +35,7 @@ pub enum Error {
         source: io::Error,
     },
     /// The user pressed Ctrl-C, or the process was asked to terminate.
-    #[error("interrupted; nothing was written")]
+    #[error("interrupted; no output was written")]
     Interrupted,
 }
 

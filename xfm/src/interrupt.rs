@@ -1,12 +1,17 @@
-//! Ctrl-C, and requests to terminate: a flag that long loops look at.
+//! Ctrl-C, and requests to terminate.
+//!
+//! Long loops ask [`check`] now and then. Work that cannot be broken off from within, and that leaves nothing behind when the
+//! process ends in the middle of it, runs [`freely`]: then the signal ends the process by itself.
 
+use std::io::{IsTerminal, stderr};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use crate::report::say;
 use crate::{Error, one_line};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+static FREE: AtomicU32 = AtomicU32::new(0);
 static INSTALLED: OnceLock<()> = OnceLock::new();
 
 /// Arranges for signals to set the flag instead of killing the process, so that scratch files are removed. A second
@@ -14,8 +19,9 @@ static INSTALLED: OnceLock<()> = OnceLock::new();
 pub fn install() {
     INSTALLED.get_or_init(|| {
         let installed = ctrlc::set_handler(|| {
-            if INTERRUPTED.swap(true, Ordering::Relaxed) {
-                std::process::exit(i32::from(Error::Interrupted.exit_code()));
+            let again = INTERRUPTED.swap(true, Ordering::SeqCst);
+            if again || FREE.load(Ordering::SeqCst) > 0 {
+                leave();
             }
         });
         if let Err(error) = installed {
@@ -24,9 +30,19 @@ pub fn install() {
     });
 }
 
+/// Ends the process as a command broken off by Ctrl-C ends it.
+fn leave() -> ! {
+    if stderr().is_terminal() {
+        // Below the progress bar, if there is one.
+        say("");
+    }
+    say(&format!("error: {}", one_line(&Error::Interrupted)));
+    std::process::exit(i32::from(Error::Interrupted.exit_code()))
+}
+
 /// Whether the process has been asked to end.
 pub fn is_requested() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
+    INTERRUPTED.load(Ordering::SeqCst)
 }
 
 /// Ends a command that has been asked to end.
@@ -36,4 +52,23 @@ pub fn is_requested() -> bool {
 /// [`Error::Interrupted`] if so.
 pub fn check() -> Result<(), Error> {
     if is_requested() { Err(Error::Interrupted) } else { Ok(()) }
+}
+
+/// Does work during which a signal may end the process at once: the caller vouches that there is no scratch file, and no
+/// output half written, in the whole process.
+pub fn freely<T>(work: impl FnOnce() -> T) -> T {
+    /// Counted back even if the work panics.
+    struct Free;
+    impl Drop for Free {
+        fn drop(&mut self) {
+            FREE.fetch_sub(1, Ordering::SeqCst);
+        }
+    }
+    FREE.fetch_add(1, Ordering::SeqCst);
+    let _free = Free;
+    // A signal may have come between the caller's last look and the line above.
+    if is_requested() {
+        leave();
+    }
+    work()
 }

@@ -17,29 +17,28 @@ pub enum Unit {
 #[derive(Debug)]
 pub struct Progress {
     bar: ProgressBar,
+    unit: Unit,
 }
 
 impl Progress {
     /// Shows a bar for `total` units, or a counter where the total is not known.
     pub fn new(task: &'static str, total: Option<u64>, unit: Unit) -> Self {
-        let (position, length, rate) = match unit {
-            Unit::Items => ("{human_pos}", "{human_len}", "{per_sec}"),
-            Unit::Bytes => ("{binary_bytes}", "{binary_total_bytes}", "{binary_bytes_per_sec}"),
+        let bar = match total {
+            Some(total) => ProgressBar::new(total),
+            None => ProgressBar::no_length(),
         };
-        let (bar, template) = match total {
-            Some(total) => (
-                ProgressBar::new(total),
-                format!("{{msg}} {{wide_bar}} {position}/{length} {rate}, {{eta}} left"),
-            ),
-            None => (ProgressBar::no_length(), format!("{{msg}} {{spinner}} {position} {rate}")),
-        };
-        // The templates above are fixed; were one wrong, the bar's default would do.
-        if let Ok(style) = ProgressStyle::with_template(&template) {
-            bar.set_style(style);
-        }
+        bar.set_style(style(total, unit));
         bar.set_message(task);
         bar.enable_steady_tick(Duration::from_millis(100));
-        Self { bar }
+        Self { bar, unit }
+    }
+
+    /// The total became known.
+    pub fn set_total(&self, total: u64) {
+        if self.bar.length() != Some(total) {
+            self.bar.set_style(style(Some(total), self.unit));
+            self.bar.set_length(total);
+        }
     }
 
     /// So many more are done.
@@ -57,4 +56,18 @@ impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }
+}
+
+/// A bar with the time left where the total is known, a spinner where it is not.
+fn style(total: Option<u64>, unit: Unit) -> ProgressStyle {
+    let (position, length, rate) = match unit {
+        Unit::Items => ("{human_pos}", "{human_len}", "{per_sec}"),
+        Unit::Bytes => ("{binary_bytes}", "{binary_total_bytes}", "{binary_bytes_per_sec}"),
+    };
+    let template = match total {
+        Some(_) => format!("{{msg}} {{wide_bar}} {position}/{length} {rate}, {{eta}} left"),
+        None => format!("{{msg}} {{spinner}} {position} {rate}"),
+    };
+    // The templates above are fixed and right; were one not, the default would do.
+    ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }
