@@ -1,1 +1,74 @@
-//! Triangle streams and in-core meshes: STL, PLY, OBJ, glTF in and out.
+//! Triangle streams and in-core meshes: STL, PLY, OBJ and glTF/GLB in and out.
+//!
+//! Two traits are the reason for this crate: [`TriangleSource`] hands out the triangles of a file or a pipe batch by
+//! batch, [`TriangleSink`] takes them. [`IndexedMesh`] is the whole mesh in memory.
+//!
+//! ```
+//! # #[cfg(all(feature = "obj", feature = "stl"))] {
+//! use mesh_io::{Format, read_mesh_from, sink_to, source_from};
+//!
+//! let obj = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+//! let mesh = read_mesh_from(obj.as_bytes(), Format::Obj, "square.obj")?;
+//! assert_eq!((mesh.positions.len(), mesh.triangles.len()), (4, 2));
+//!
+//! // The same as a stream, from one format to another.
+//! let mut source = source_from(obj.as_bytes(), Format::Obj, "square.obj")?;
+//! let mut stl = Vec::new();
+//! let mut sink = sink_to(&mut stl, Format::StlBinary)?;
+//! let mut batch = Vec::new();
+//! while source.read(&mut batch, 1024)? > 0 {
+//!     sink.write(&batch)?;
+//!     batch.clear();
+//! }
+//! sink.finish()?;
+//! assert_eq!(stl.len(), 84 + 2 * 50);
+//! # }
+//! # Ok::<(), mesh_io::Error>(())
+//! ```
+//!
+//! # Conventions
+//!
+//! - Coordinates are in the file's own frame and unit; no axis is swapped and no winding is changed (a glTF node that
+//!   mirrors turns its triangles round, as that format demands).
+//! - Decimal numbers are rounded to the nearest `f32`; written ones are the shortest that read back to the same bits.
+//! - Non-finite coordinates pass through; degenerate triangles too. Faces with fewer than three corners have no area and
+//!   are left out.
+//! - Polygons become triangles: a fan from the first corner where the polygon is convex, ear clipping otherwise.
+//! - STL has no vertices of its own: [`read_mesh`] welds corners whose coordinates have the same bits (−0 equals +0).
+//!   Indexed formats keep their vertices as they are, used or not.
+//! - Input packed with gzip or Zstandard is unpacked on the fly, whatever its name; output is packed when its name ends
+//!   in `.gz` or `.zst`.
+//! - A file that is written appears whole or not at all.
+//! - No count or size in a file is believed: memory grows with the bytes that are really there.
+//!
+//! Every format is one cargo feature (`stl`, `ply`, `obj`, `gltf`), and so is each packing (`gz`, `zst`); all are on by
+//! default. Without any, the traits and [`IndexedMesh`] remain.
+
+mod error;
+mod format;
+mod mesh;
+mod read;
+mod stream;
+mod write;
+
+#[cfg(any(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
+mod codec;
+
+#[cfg(feature = "gltf")]
+mod gltf;
+#[cfg(feature = "obj")]
+mod obj;
+#[cfg(feature = "ply")]
+mod ply;
+#[cfg(feature = "stl")]
+mod stl;
+
+pub use error::{Error, Place};
+pub use format::{Format, Packing};
+pub use mesh::{IndexedMesh, Triangle};
+pub use read::{
+    ReadOptions, open_source, open_source_with, read_mesh, read_mesh_from, read_mesh_with,
+    source_from,
+};
+pub use stream::{MeshSource, TriangleSink, TriangleSource};
+pub use write::{create_sink, create_sink_as, sink_to, write_mesh, write_mesh_as, write_mesh_to};

@@ -1,0 +1,69 @@
+//! Formats with shared vertices, as a stream of triangles.
+
+use glam::Vec3;
+
+use crate::{Error, Triangle, TriangleSource};
+
+/// A reader that has the positions at hand while it goes through the faces.
+pub(crate) trait IndexedReader {
+    /// Appends about `max` triangles with valid indices (a polygon may add some more); zero means the end.
+    fn read_indices(&mut self, out: &mut Vec<[u32; 3]>, max: usize) -> Result<usize, Error>;
+
+    /// The position of a vertex that [`IndexedReader::read_indices`] has named.
+    fn position(&self, vertex: u32) -> Vec3;
+
+    /// As [`TriangleSource::triangle_count`].
+    fn triangle_count(&self) -> Option<u64>;
+
+    /// As [`TriangleSource::triangle_hint`].
+    fn triangle_hint(&self) -> Option<u64>;
+
+    /// Called now and then; gives memory back that the system can do without.
+    fn relax(&mut self) {}
+}
+
+/// Triangles between two calls of [`IndexedReader::relax`].
+const RELAX_EVERY: usize = 1 << 20;
+
+/// Looks up the corners of an [`IndexedReader`]'s triangles.
+pub(crate) struct IndexedSource<I> {
+    reader: I,
+    pending: Vec<[u32; 3]>,
+    next: usize,
+    since_relaxed: usize,
+}
+
+impl<I: IndexedReader> IndexedSource<I> {
+    pub(crate) fn new(reader: I) -> Self {
+        Self { reader, pending: Vec::new(), next: 0, since_relaxed: 0 }
+    }
+}
+
+impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
+    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+        if self.next == self.pending.len() && max > 0 {
+            self.pending.clear();
+            self.next = 0;
+            self.reader.read_indices(&mut self.pending, max)?;
+        }
+        let stop = self.next.saturating_add(max).min(self.pending.len());
+        let batch = &self.pending[self.next..stop];
+        let count = batch.len();
+        out.extend(batch.iter().map(|triangle| triangle.map(|v| self.reader.position(v))));
+        self.next = stop;
+        self.since_relaxed += count;
+        if self.since_relaxed >= RELAX_EVERY {
+            self.since_relaxed = 0;
+            self.reader.relax();
+        }
+        Ok(count)
+    }
+
+    fn triangle_count(&self) -> Option<u64> {
+        self.reader.triangle_count()
+    }
+
+    fn triangle_hint(&self) -> Option<u64> {
+        self.reader.triangle_hint()
+    }
+}

@@ -1,0 +1,299 @@
+//! Reading OBJ.
+
+use std::io::Read;
+
+use glam::Vec3;
+
+use crate::codec::indexed::IndexedReader;
+use crate::codec::input::{Input, LineEnd};
+use crate::codec::polygon::triangulate;
+use crate::codec::text::{Fault, Tokens, is_blank, trim_start};
+use crate::{Error, IndexedMesh, Place};
+
+const EXPORT_AGAIN: &str = "correct that line or export the mesh again";
+
+/// First words that tell an OBJ from some other text.
+const KEYWORDS: [&[u8]; 24] = [
+    b"v",
+    b"vt",
+    b"vn",
+    b"vp",
+    b"f",
+    b"fo",
+    b"l",
+    b"p",
+    b"g",
+    b"o",
+    b"s",
+    b"mg",
+    b"usemtl",
+    b"mtllib",
+    b"usemap",
+    b"maplib",
+    b"shadow_obj",
+    b"trace_obj",
+    b"lod",
+    b"bevel",
+    b"c_interp",
+    b"d_interp",
+    b"cstype",
+    b"deg",
+];
+
+/// Streams the faces of an OBJ; the positions so far are in memory.
+pub(crate) struct ObjReader<R> {
+    input: Input<R>,
+    model: Model,
+    /// Lines put together that end in a backslash each.
+    joined: Vec<u8>,
+    ended: bool,
+}
+
+/// What was read so far.
+#[derive(Default)]
+struct Model {
+    positions: Vec<Vec3>,
+    recognized: bool,
+    corners: Vec<i64>,
+    polygon: Vec<u32>,
+    later: Later,
+}
+
+/// Faces whose vertices had not come yet: corners from zero, and for each face its line and where its corners end.
+#[derive(Default)]
+struct Later {
+    corners: Vec<i64>,
+    faces: Vec<(u64, usize)>,
+}
+
+/// What is wrong with a line.
+enum Problem {
+    Fault(Fault),
+    Index { written: i64 },
+    ZeroIndex,
+    TooManyVertices,
+}
+
+impl From<Fault> for Problem {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl<R: Read> ObjReader<R> {
+    pub(crate) fn new(mut input: Input<R>) -> Result<Self, Error> {
+        if input.fill(3)? == 0 {
+            return Err(input.empty());
+        }
+        if input.window().starts_with(b"\xef\xbb\xbf") {
+            input.consume(3);
+        }
+        Ok(Self { input, model: Model::default(), joined: Vec::new(), ended: false })
+    }
+
+    /// Adds following lines to `self.joined` for as long as they end in a backslash.
+    #[cold]
+    fn join_lines(&mut self, first: std::ops::Range<usize>) -> Result<(), Error> {
+        self.joined.clear();
+        let mut line = first;
+        loop {
+            let text = self.input.text(line);
+            let Some(text) = text.strip_suffix(b"\\") else {
+                self.joined.extend_from_slice(text);
+                return Ok(());
+            };
+            self.joined.extend_from_slice(text);
+            self.joined.push(b' ');
+            match self.input.next_line()? {
+                Some(next) => line = next,
+                None => return Err(self.input.truncated_line("the line that `\\` announces")),
+            }
+        }
+    }
+
+    fn explain(&self, problem: Problem) -> Error {
+        match problem {
+            Problem::Fault(Fault::Missing) if self.input.line_end() == LineEnd::None => {
+                self.input.truncated_line("the line is complete")
+            }
+            Problem::Fault(Fault::Missing) => self
+                .input
+                .malformed_line("a vertex with fewer than three coordinates".into(), EXPORT_AGAIN),
+            Problem::Fault(Fault::BadNumber(token)) => self
+                .input
+                .malformed_line(format!("`{token}` is not a number that fits here"), EXPORT_AGAIN),
+            Problem::Index { written } => self.input.out_of_range(
+                Place::Line(self.input.line()),
+                written,
+                self.model.positions.len() as u64,
+            ),
+            Problem::ZeroIndex => self.input.malformed_line(
+                "vertex index 0, but OBJ counts from one".into(),
+                "export the mesh again with indices from one",
+            ),
+            Problem::TooManyVertices => Error::TooLarge {
+                name: self.input.name().to_owned(),
+                what: "vertices",
+                limit: u64::from(u32::MAX),
+            },
+        }
+    }
+
+    /// Everything is read: the faces that had to wait, and whether this was an OBJ at all.
+    fn end(&mut self, out: &mut Vec<[u32; 3]>) -> Result<(), Error> {
+        self.ended = true;
+        if !self.model.recognized {
+            return Err(self.input.malformed(
+                Place::File,
+                "not one line of an OBJ in it".into(),
+                "check what the file is, or name its format",
+            ));
+        }
+        let later = std::mem::take(&mut self.model.later);
+        let mut start = 0;
+        for (line, stop) in later.faces {
+            let corners = later.corners.get(start..stop).unwrap_or_default();
+            if let Err(index) = self.model.emit(corners, out) {
+                let count = self.model.positions.len() as u64;
+                return Err(self.input.out_of_range(Place::Line(line), index + 1, count));
+            }
+            start = stop;
+        }
+        Ok(())
+    }
+}
+
+impl Model {
+    /// Takes one line and gives the number of a face's corners, zero for any other line.
+    #[inline]
+    fn take_line(
+        &mut self,
+        text: &[u8],
+        line: u64,
+        out: &mut Vec<[u32; 3]>,
+    ) -> Result<usize, Problem> {
+        match trim_start(text) {
+            [b'v', next, rest @ ..] if is_blank(*next) => {
+                let position = Tokens::new(rest).point()?;
+                if self.positions.len() >= u32::MAX as usize {
+                    return Err(Problem::TooManyVertices);
+                }
+                self.recognized = true;
+                self.positions.push(position);
+                Ok(0)
+            }
+            [b'f', next, rest @ ..] if is_blank(*next) => self.take_face(rest, line, out),
+            [b'f', b'o', next, rest @ ..] if is_blank(*next) => self.take_face(rest, line, out),
+            [] => Ok(0),
+            [b'v'] => Err(Fault::Missing.into()),
+            other => {
+                if !self.recognized {
+                    let word = Tokens::new(other).word();
+                    self.recognized =
+                        other[0] == b'#' || word.is_some_and(|word| KEYWORDS.contains(&word));
+                }
+                Ok(0)
+            }
+        }
+    }
+
+    #[inline]
+    fn take_face(
+        &mut self,
+        rest: &[u8],
+        line: u64,
+        out: &mut Vec<[u32; 3]>,
+    ) -> Result<usize, Problem> {
+        self.recognized = true;
+        self.corners.clear();
+        let count = self.positions.len() as i64;
+        let mut waits = false;
+        let mut tokens = Tokens::new(rest);
+        while !tokens.is_at_end() {
+            let written = tokens.integer_until(b'/')?;
+            // Texture coordinate and normal.
+            tokens.skip_token_rest();
+            let corner = match written {
+                0 => return Err(Problem::ZeroIndex),
+                1.. => written - 1,
+                _ => count + written,
+            };
+            if corner < 0 {
+                return Err(Problem::Index { written });
+            }
+            waits |= corner >= count;
+            self.corners.push(corner);
+        }
+        if waits {
+            self.later.corners.extend_from_slice(&self.corners);
+            self.later.faces.push((line, self.later.corners.len()));
+            return Ok(self.corners.len());
+        }
+        let corners = std::mem::take(&mut self.corners);
+        let emitted = self.emit(&corners, out);
+        self.corners = corners;
+        emitted.map_err(|index| Problem::Index { written: index + 1 })?;
+        Ok(self.corners.len())
+    }
+
+    /// Triangles of a polygon; the error is the index that does not exist.
+    #[inline]
+    fn emit(&mut self, corners: &[i64], out: &mut Vec<[u32; 3]>) -> Result<(), i64> {
+        self.polygon.clear();
+        for &corner in corners {
+            match u32::try_from(corner) {
+                Ok(vertex) if (vertex as usize) < self.positions.len() => self.polygon.push(vertex),
+                _ => return Err(corner),
+            }
+        }
+        let positions = &self.positions;
+        triangulate(&self.polygon, |v| positions[v as usize], out);
+        Ok(())
+    }
+}
+
+impl<R: Read> IndexedReader for ObjReader<R> {
+    fn read_indices(&mut self, out: &mut Vec<[u32; 3]>, max: usize) -> Result<usize, Error> {
+        let before = out.len();
+        while out.len() - before < max && !self.ended {
+            let Some(line) = self.input.next_line()? else {
+                self.end(out)?;
+                break;
+            };
+            let text = self.input.text(line.clone());
+            // A path in a comment may end in a backslash and goes on nowhere.
+            let taken = if text.ends_with(b"\\") && !trim_start(text).starts_with(b"#") {
+                self.join_lines(line)?;
+                self.model.take_line(&self.joined, self.input.line(), out)
+            } else {
+                self.model.take_line(text, self.input.line(), out)
+            };
+            let num_corners = taken.map_err(|problem| self.explain(problem))?;
+            if matches!(num_corners, 1 | 2) && self.input.line_end() == LineEnd::None {
+                return Err(self.input.truncated_line("the face has three corners"));
+            }
+        }
+        Ok(out.len() - before)
+    }
+
+    #[inline]
+    fn position(&self, vertex: u32) -> Vec3 {
+        self.model.positions[vertex as usize]
+    }
+
+    fn triangle_count(&self) -> Option<u64> {
+        None
+    }
+
+    fn triangle_hint(&self) -> Option<u64> {
+        None
+    }
+}
+
+/// The whole mesh.
+pub(crate) fn read_mesh<R: Read>(input: Input<R>) -> Result<IndexedMesh, Error> {
+    let mut reader = ObjReader::new(input)?;
+    let mut triangles = Vec::new();
+    while reader.read_indices(&mut triangles, 1 << 16)? > 0 {}
+    Ok(IndexedMesh { positions: reader.model.positions, triangles })
+}

@@ -1,0 +1,77 @@
+//! Writing OBJ.
+
+use std::io::{self, Write};
+
+use glam::Vec3;
+
+use crate::codec::output::{BoxedOutput, Pen};
+use crate::codec::text::write_point;
+use crate::codec::weld::Welder;
+use crate::{Error, IndexedMesh, Triangle, TriangleSink};
+
+const TITLE: &[u8] = b"# written by mesh-io\n";
+
+fn put_vertex(out: &mut Vec<u8>, position: Vec3) -> io::Result<()> {
+    out.extend_from_slice(b"v ");
+    write_point(out, position)?;
+    out.push(b'\n');
+    Ok(())
+}
+
+fn put_face(out: &mut Vec<u8>, triangle: [u32; 3]) -> io::Result<()> {
+    let [a, b, c] = triangle.map(|v| u64::from(v) + 1);
+    writeln!(out, "f {a} {b} {c}")
+}
+
+/// The whole mesh.
+pub(crate) fn write_mesh<W: Write>(pen: &mut Pen<W>, mesh: &IndexedMesh) -> Result<(), Error> {
+    pen.bytes(TITLE)?;
+    for &position in &mesh.positions {
+        pen.put(|out| put_vertex(out, position))?;
+    }
+    for &triangle in &mesh.triangles {
+        pen.put(|out| put_face(out, triangle))?;
+    }
+    pen.flush()
+}
+
+/// A stream of triangles, welded; each vertex stands before the first face that uses it.
+pub(crate) struct ObjSink<'a> {
+    pen: Pen<BoxedOutput<'a>>,
+    welder: Welder,
+}
+
+impl<'a> ObjSink<'a> {
+    pub(crate) fn new(output: BoxedOutput<'a>, name: &str, welder: Welder) -> Result<Self, Error> {
+        let mut pen = Pen::new(output, name);
+        pen.bytes(TITLE)?;
+        Ok(Self { pen, welder })
+    }
+}
+
+impl TriangleSink for ObjSink<'_> {
+    fn write(&mut self, triangles: &[Triangle]) -> Result<(), Error> {
+        for triangle in triangles {
+            let mut face = [0; 3];
+            for (index, &position) in face.iter_mut().zip(triangle) {
+                let Some((vertex, new)) = self.welder.weld(position) else {
+                    return Err(Error::TooLarge {
+                        name: self.pen.name().to_owned(),
+                        what: "vertices",
+                        limit: self.welder.num_vertices(),
+                    });
+                };
+                if new {
+                    self.pen.put(|out| put_vertex(out, position))?;
+                }
+                *index = vertex;
+            }
+            self.pen.put(|out| put_face(out, face))?;
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), Error> {
+        self.pen.commit()
+    }
+}

@@ -1,0 +1,702 @@
+//! Reading PLY: vertices first into memory (or mapped), then faces as they come.
+
+use std::fmt;
+use std::fs::File;
+use std::io::Read;
+
+use glam::Vec3;
+
+use super::header::{Coding, Element, Header, Kind, Property, Role, Scalar};
+use super::positions::{Layout, MappedPositions, Positions};
+use crate::codec::indexed::IndexedReader;
+use crate::codec::input::{Input, LineEnd};
+use crate::codec::polygon::triangulate;
+use crate::codec::text::{Fault, Tokens};
+use crate::{Error, IndexedMesh, Place};
+
+const EXPORT_AGAIN: &str = "correct that place or export the mesh again";
+
+/// Opens the same stream once more from its start.
+pub(crate) type Reopen<R> = Box<dyn FnOnce() -> Result<Input<R>, Error> + Send>;
+
+/// What can be done with a stream besides reading it once.
+pub(crate) struct Origin<R> {
+    /// For files with the faces before the vertices: a second pass instead of faces in memory.
+    pub(crate) reopen: Option<Reopen<R>>,
+    /// The plain file, whose vertices can be read where they lie.
+    pub(crate) file: Option<File>,
+}
+
+impl<R> Default for Origin<R> {
+    fn default() -> Self {
+        Self { reopen: None, file: None }
+    }
+}
+
+/// Faces that came before the vertices: corners, and how many of them make a face each.
+#[derive(Default)]
+struct Stash {
+    lengths: Vec<u32>,
+    corners: Vec<i64>,
+    strips: Vec<i64>,
+}
+
+/// Streams the faces of a PLY file.
+pub(crate) struct PlyReader<R> {
+    input: Input<R>,
+    header: Header,
+    /// The element we are in, and how many of its rows are done.
+    at: usize,
+    row: u64,
+    positions: Positions,
+    stash: Stash,
+    corners: Vec<i64>,
+    polygon: Vec<u32>,
+    strip: Strip,
+    exact_count: Option<u64>,
+}
+
+impl<R: Read> PlyReader<R> {
+    /// Reads up to and including the vertices.
+    pub(crate) fn new(mut input: Input<R>, origin: Origin<R>) -> Result<Self, Error> {
+        let header = Header::read(&mut input)?;
+        check_size(&input, &header)?;
+        let mut reader = Self {
+            input,
+            header,
+            at: 0,
+            row: 0,
+            positions: Positions::Memory(Vec::new()),
+            stash: Stash::default(),
+            corners: Vec::new(),
+            polygon: Vec::new(),
+            strip: Strip::default(),
+            exact_count: None,
+        };
+        reader.reach_faces(origin)?;
+        Ok(reader)
+    }
+
+    fn reach_faces(&mut self, origin: Origin<R>) -> Result<(), Error> {
+        let is_vertices = |element: &Element| matches!(element.role, Role::Vertices(_));
+        let Some(vertices) = self.header.elements.iter().position(is_vertices) else {
+            return Ok(());
+        };
+        let is_face = |e: &Element| matches!(e.role, Role::Faces(_) | Role::Strips(_));
+        let faces_first = self.header.elements[..vertices].iter().any(is_face);
+        let two_passes = faces_first && origin.reopen.is_some();
+        while self.at < vertices {
+            match self.header.elements[self.at].role {
+                Role::Faces(_) | Role::Strips(_) if !two_passes => self.stash_element()?,
+                _ => self.skip_element()?,
+            }
+        }
+        self.load_vertices(origin.file)?;
+        if let Some(reopen) = origin.reopen
+            && two_passes
+        {
+            self.input = reopen()?;
+            let again = Header::read(&mut self.input)?;
+            if again != self.header {
+                return Err(self.input.malformed(
+                    Place::File,
+                    "the header changed between two readings".to_owned(),
+                    "wait until nothing writes to the file any more",
+                ));
+            }
+            self.at = 0;
+        }
+        self.exact_count = self.count_from_size();
+        Ok(())
+    }
+
+    /// If faces are all that follows and the bytes left are those of as many triangles, then (unless faces of one corner
+    /// or none make up for larger ones) there are that many triangles.
+    fn count_from_size(&self) -> Option<u64> {
+        let mut rest = self.header.elements[self.at..].iter().filter(|e| e.count > 0);
+        let (Some(element), None) = (rest.next(), rest.next()) else { return None };
+        let (Role::Faces(place), false) = (element.role, self.header.coding == Coding::Ascii)
+        else {
+            return None;
+        };
+        let mut row = 0;
+        for (index, property) in element.properties.iter().enumerate() {
+            row += match property.kind {
+                Kind::One(scalar) => scalar.size(),
+                Kind::List { length, item } if index == place => length.size() + 3 * item.size(),
+                Kind::List { .. } => return None,
+            } as u64;
+        }
+        let expected = element.count.checked_mul(row)?;
+        (self.input.remaining()? == expected).then_some(element.count)
+    }
+
+    fn element(&self) -> Option<&Element> {
+        self.header.elements.get(self.at)
+    }
+
+    fn big(&self) -> bool {
+        self.header.coding == Coding::Big
+    }
+
+    fn next_element(&mut self) {
+        self.at += 1;
+        self.row = 0;
+    }
+
+    fn skip_element(&mut self) -> Result<(), Error> {
+        let Some(element) = self.header.elements.get(self.at) else { return Ok(()) };
+        let missing = MissingRows(element);
+        let big = self.header.coding == Coding::Big;
+        match (self.header.coding, element.stride()) {
+            (Coding::Ascii, _) => {
+                for _ in self.row..element.count {
+                    if !element.properties.is_empty() {
+                        row_line(&mut self.input, missing)?;
+                    }
+                }
+            }
+            (_, Some(stride)) => {
+                let bytes = (element.count - self.row).saturating_mul(stride as u64);
+                self.input.skip(bytes, missing)?;
+            }
+            (_, None) => {
+                for _ in self.row..element.count {
+                    skip_properties(&mut self.input, &element.properties, big, missing)?;
+                }
+            }
+        }
+        self.next_element();
+        Ok(())
+    }
+
+    fn load_vertices(&mut self, file: Option<File>) -> Result<(), Error> {
+        let Some(element) = self.header.elements.get(self.at) else { return Ok(()) };
+        let Role::Vertices(axes) = element.role else { return Ok(()) };
+        if element.count > u64::from(u32::MAX) {
+            return Err(Error::TooLarge {
+                name: self.input.name().to_owned(),
+                what: "vertices",
+                limit: u64::from(u32::MAX),
+            });
+        }
+        let big = self.big();
+        let layout = Layout::new(element, axes, big).filter(|layout| layout.stride > 0);
+        let positions = match (self.header.coding, layout) {
+            (Coding::Ascii, _) => {
+                Positions::Memory(ascii_vertices(&mut self.input, element, axes)?)
+            }
+            (_, Some(layout)) => {
+                let mapped = match &file {
+                    Some(file) => {
+                        let start = self.input.offset();
+                        MappedPositions::new(file, start, element.count, layout)
+                            .map_err(|error| Error::io(self.input.name(), "map", error))?
+                    }
+                    None => None,
+                };
+                match mapped {
+                    Some(mapped) => {
+                        self.skip_element()?;
+                        self.positions = Positions::Mapped(mapped);
+                        return Ok(());
+                    }
+                    None => Positions::Memory(binary_vertices(&mut self.input, element, layout)?),
+                }
+            }
+            (_, None) => Positions::Memory(ragged_vertices(&mut self.input, element, axes, big)?),
+        };
+        self.positions = positions;
+        self.next_element();
+        Ok(())
+    }
+
+    /// Keeps the rows of a face element for later.
+    fn stash_element(&mut self) -> Result<(), Error> {
+        while self.element().is_some_and(|element| self.row < element.count) {
+            self.read_row()?;
+            match self.element().map(|element| element.role) {
+                Some(Role::Strips(_)) => {
+                    self.stash.strips.append(&mut self.corners);
+                    self.stash.strips.push(-1);
+                }
+                _ => {
+                    // The list is in memory already, so its length fits by far unless memory has 64 GiB for it.
+                    self.stash.lengths.push(u32::try_from(self.corners.len()).unwrap_or(u32::MAX));
+                    self.stash.corners.append(&mut self.corners);
+                }
+            }
+        }
+        self.next_element();
+        Ok(())
+    }
+
+    /// Turns faces kept for later into triangles, all at once.
+    fn unstash(&mut self, out: &mut Vec<[u32; 3]>) -> Result<(), Error> {
+        let stash = std::mem::take(&mut self.stash);
+        let mut rest = stash.corners.as_slice();
+        for &length in &stash.lengths {
+            let (face, tail) = rest.split_at(rest.len().min(length as usize));
+            rest = tail;
+            self.corners.clear();
+            self.corners.extend_from_slice(face);
+            self.emit_polygon(out, Place::File)?;
+        }
+        for corner in stash.strips {
+            self.push_strip(corner, out, Place::File)?;
+        }
+        self.strip = Strip::default();
+        Ok(())
+    }
+
+    /// Where the row that was just read is.
+    fn place(&self) -> Place {
+        match self.header.coding {
+            Coding::Ascii => Place::Line(self.input.line()),
+            _ => Place::Byte(self.input.offset()),
+        }
+    }
+
+    /// Reads one row of faces or strips; its corners are in `self.corners` then.
+    fn read_row(&mut self) -> Result<(), Error> {
+        let Some(element) = self.header.elements.get(self.at) else { return Ok(()) };
+        let (Role::Faces(list) | Role::Strips(list)) = element.role else { return Ok(()) };
+        self.corners.clear();
+        let missing = MissingRows(element);
+        if self.header.coding == Coding::Ascii {
+            let line = row_line(&mut self.input, MissingRows(element))?;
+            let mut tokens = Tokens::new(self.input.text(line));
+            ascii_list(&mut tokens, &element.properties, list, &mut self.corners)
+                .map_err(|fault| row_fault(&self.input, fault, element))?;
+        } else {
+            let big = self.header.coding == Coding::Big;
+            let (before, rest) = element.properties.split_at(list.min(element.properties.len()));
+            skip_properties(&mut self.input, before, big, missing)?;
+            if let [Property { kind: Kind::List { length, item }, .. }, after @ ..] = rest {
+                let count = list_length(&mut self.input, *length, big, missing)?;
+                for _ in 0..count {
+                    if self.input.fill(item.size())? < item.size() {
+                        return Err(self.input.truncated(missing));
+                    }
+                    self.corners.push(item.integer(self.input.window(), big));
+                    self.input.consume(item.size());
+                }
+                skip_properties(&mut self.input, after, big, missing)?;
+            }
+        }
+        self.row += 1;
+        Ok(())
+    }
+
+    /// Reads rows that are all plain triangles straight from the window; stops at the first that is not.
+    fn read_plain_triangles(&mut self, out: &mut Vec<[u32; 3]>, max: usize) -> Result<(), Error> {
+        let Some(element) = self.header.elements.get(self.at) else { return Ok(()) };
+        let Role::Faces(list) = element.role else { return Ok(()) };
+        let count = self.positions.len();
+        let most = usize::try_from(element.count - self.row).unwrap_or(usize::MAX).min(max);
+        if self.header.coding == Coding::Ascii || most == 0 {
+            return Ok(());
+        }
+        let Some(shape) = TriangleRow::new(element, list) else { return Ok(()) };
+        let big = self.header.coding == Coding::Big;
+        self.input.fill(shape.bytes)?;
+        let mut done = 0;
+        for row in self.input.window().chunks_exact(shape.bytes).take(most) {
+            let Some(corners) = shape.corners(row, big) else { break };
+            for corner in corners {
+                if corner < 0 || corner as u64 >= count {
+                    let place = Place::Byte(self.input.offset() + (done * shape.bytes) as u64);
+                    return Err(self.input.out_of_range(place, corner, count));
+                }
+            }
+            out.push(corners.map(|corner| corner as u32));
+            done += 1;
+        }
+        self.input.consume(done * shape.bytes);
+        self.row += done as u64;
+        Ok(())
+    }
+
+    fn check(&self, corner: i64, place: Place) -> Result<u32, Error> {
+        let count = self.positions.len();
+        match u32::try_from(corner) {
+            Ok(vertex) if u64::from(vertex) < count => Ok(vertex),
+            _ => Err(self.input.out_of_range(place, corner, count)),
+        }
+    }
+
+    /// Triangles of the polygon in `self.corners`.
+    fn emit_polygon(&mut self, out: &mut Vec<[u32; 3]>, place: Place) -> Result<(), Error> {
+        let mut polygon = std::mem::take(&mut self.polygon);
+        polygon.clear();
+        for &corner in &self.corners {
+            polygon.push(self.check(corner, place)?);
+        }
+        triangulate(&polygon, |v| self.positions.get(v), out);
+        self.polygon = polygon;
+        Ok(())
+    }
+
+    fn push_strip(
+        &mut self,
+        corner: i64,
+        out: &mut Vec<[u32; 3]>,
+        place: Place,
+    ) -> Result<(), Error> {
+        if corner < 0 {
+            self.strip = Strip::default();
+        } else {
+            let vertex = self.check(corner, place)?;
+            out.extend(self.strip.push(vertex));
+        }
+        Ok(())
+    }
+
+    fn emit_strip(&mut self, out: &mut Vec<[u32; 3]>, place: Place) -> Result<(), Error> {
+        self.strip = Strip::default();
+        for at in 0..self.corners.len() {
+            self.push_strip(self.corners[at], out, place)?;
+        }
+        Ok(())
+    }
+}
+
+impl<R: Read> IndexedReader for PlyReader<R> {
+    fn read_indices(&mut self, out: &mut Vec<[u32; 3]>, max: usize) -> Result<usize, Error> {
+        let before = out.len();
+        if !self.stash.lengths.is_empty() || !self.stash.strips.is_empty() {
+            self.unstash(out)?;
+        }
+        while out.len() - before < max {
+            let Some(element) = self.element() else { break };
+            if self.row == element.count {
+                self.next_element();
+                continue;
+            }
+            match element.role {
+                Role::Faces(_) => {
+                    let row = self.row;
+                    self.read_plain_triangles(out, max - (out.len() - before))?;
+                    if self.row == row {
+                        let start = self.place();
+                        self.read_row()?;
+                        let place = if let Place::Byte(_) = start { start } else { self.place() };
+                        self.emit_polygon(out, place)?;
+                    }
+                }
+                Role::Strips(_) => {
+                    self.read_row()?;
+                    let place = self.place();
+                    self.emit_strip(out, place)?;
+                }
+                Role::Vertices(_) | Role::Other => self.skip_element()?,
+            }
+        }
+        Ok(out.len() - before)
+    }
+
+    #[inline]
+    fn position(&self, vertex: u32) -> Vec3 {
+        self.positions.get(vertex)
+    }
+
+    fn triangle_count(&self) -> Option<u64> {
+        self.exact_count
+    }
+
+    fn triangle_hint(&self) -> Option<u64> {
+        let is_face = |e: &&Element| matches!(e.role, Role::Faces(_));
+        let faces = self.header.elements.iter().filter(is_face).map(|e| e.count);
+        Some(faces.fold(0, u64::saturating_add)).filter(|&count| count > 0)
+    }
+
+    fn relax(&mut self) {
+        if let Positions::Mapped(mapped) = &self.positions {
+            mapped.relax();
+        }
+    }
+}
+
+/// The whole mesh.
+pub(crate) fn read_mesh<R: Read>(input: Input<R>) -> Result<IndexedMesh, Error> {
+    let mut reader = PlyReader::new(input, Origin::default())?;
+    let count = reader.triangle_hint().unwrap_or(0);
+    let item = if reader.header.coding == Coding::Ascii { 8 } else { 4 };
+    let mut triangles = Vec::with_capacity(reader.input.plausible(count, item));
+    while reader.read_indices(&mut triangles, 1 << 16)? > 0 {}
+    let positions = match reader.positions {
+        Positions::Memory(positions) => positions,
+        Positions::Mapped(_) => Vec::new(),
+    };
+    Ok(IndexedMesh { positions, triangles })
+}
+
+/// A file too short for its own header is refused before anything is read from it.
+fn check_size<R: Read>(input: &Input<R>, header: &Header) -> Result<(), Error> {
+    let Some(mut left) = input.remaining() else { return Ok(()) };
+    // The last row may lack its line end.
+    left += u64::from(header.coding == Coding::Ascii);
+    for element in &header.elements {
+        let bytes = element.count.saturating_mul(element.min_row_bytes(header.coding));
+        if bytes > left {
+            return Err(Error::Truncated {
+                name: input.name().to_owned(),
+                place: Place::Byte(input.length().unwrap_or(0)),
+                missing: MissingRows(element).to_string(),
+            });
+        }
+        left -= bytes;
+    }
+    Ok(())
+}
+
+/// What a file lacks that ends within an element.
+#[derive(Clone, Copy)]
+struct MissingRows<'a>(&'a Element);
+
+impl fmt::Display for MissingRows<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the last of its {} rows of `{}`", self.0.count, self.0.name())
+    }
+}
+
+/// The next line that is not blank.
+#[inline]
+fn row_line<R: Read>(
+    input: &mut Input<R>,
+    missing: MissingRows<'_>,
+) -> Result<std::ops::Range<usize>, Error> {
+    loop {
+        let Some(line) = input.next_line()? else { return Err(input.truncated_line(missing)) };
+        if !Tokens::new(input.text(line.clone())).is_at_end() {
+            return Ok(line);
+        }
+    }
+}
+
+fn row_fault<R: Read>(input: &Input<R>, fault: Fault, element: &Element) -> Error {
+    let name = element.name();
+    match fault {
+        Fault::Missing if input.line_end() == LineEnd::None => {
+            input.truncated_line(format!("the row of `{name}` is complete"))
+        }
+        Fault::Missing => input.malformed_line(
+            format!("a row of `{name}` with too few values"),
+            "put each row on one line of its own",
+        ),
+        Fault::BadNumber(token) => {
+            input.malformed_line(format!("`{token}` is not a number that fits here"), EXPORT_AGAIN)
+        }
+    }
+}
+
+/// Reads the list at place `list`; what comes after it in the row does not matter.
+#[inline]
+fn ascii_list(
+    tokens: &mut Tokens<'_>,
+    properties: &[Property],
+    list: usize,
+    out: &mut Vec<i64>,
+) -> Result<(), Fault> {
+    for property in properties.iter().take(list) {
+        ascii_skip(tokens, property)?;
+    }
+    let count = ascii_length(tokens)?;
+    for _ in 0..count {
+        out.push(tokens.integer()?);
+    }
+    Ok(())
+}
+
+fn ascii_length(tokens: &mut Tokens<'_>) -> Result<i64, Fault> {
+    let count = tokens.integer()?;
+    if count < 0 { Err(Fault::BadNumber(count.to_string())) } else { Ok(count) }
+}
+
+fn ascii_skip(tokens: &mut Tokens<'_>, property: &Property) -> Result<(), Fault> {
+    let count = match property.kind {
+        Kind::One(_) => 1,
+        Kind::List { .. } => ascii_length(tokens)?,
+    };
+    (0..count).try_for_each(|_| tokens.skip_word())
+}
+
+fn ascii_vertices<R: Read>(
+    input: &mut Input<R>,
+    element: &Element,
+    axes: [usize; 3],
+) -> Result<Vec<Vec3>, Error> {
+    let mut positions = Vec::with_capacity(input.plausible(element.count, 6));
+    let plain = axes == [0, 1, 2];
+    let last = axes.into_iter().max().unwrap_or(0);
+    let missing = MissingRows(element);
+    for _ in 0..element.count {
+        let line = row_line(input, missing)?;
+        let mut tokens = Tokens::new(input.text(line));
+        let position = if plain {
+            tokens.point()
+        } else {
+            scattered_point(&mut tokens, &element.properties[..=last], axes)
+        };
+        positions.push(position.map_err(|fault| row_fault(input, fault, element))?);
+    }
+    Ok(positions)
+}
+
+fn scattered_point(
+    tokens: &mut Tokens<'_>,
+    properties: &[Property],
+    axes: [usize; 3],
+) -> Result<Vec3, Fault> {
+    let mut position = Vec3::ZERO;
+    for (place, property) in properties.iter().enumerate() {
+        match axes.iter().position(|&axis| axis == place) {
+            Some(axis) => position[axis] = tokens.real()?,
+            None => ascii_skip(tokens, property)?,
+        }
+    }
+    Ok(position)
+}
+
+fn binary_vertices<R: Read>(
+    input: &mut Input<R>,
+    element: &Element,
+    layout: Layout,
+) -> Result<Vec<Vec3>, Error> {
+    let stride = layout.stride;
+    let mut positions = Vec::with_capacity(input.plausible(element.count, stride as u64));
+    let mut left = element.count;
+    while left > 0 {
+        if input.fill(stride)? < stride {
+            return Err(input.truncated(MissingRows(element)));
+        }
+        let most = usize::try_from(left).unwrap_or(usize::MAX);
+        let rows = input.window().chunks_exact(stride).take(most);
+        let count = rows.len();
+        positions.extend(rows.map(|row| layout.position(row)));
+        input.consume(count * stride);
+        left -= count as u64;
+    }
+    Ok(positions)
+}
+
+/// Vertices with a list among their properties, so that rows vary in size.
+fn ragged_vertices<R: Read>(
+    input: &mut Input<R>,
+    element: &Element,
+    axes: [usize; 3],
+    big: bool,
+) -> Result<Vec<Vec3>, Error> {
+    let row_bytes = element.min_row_bytes(Coding::Little);
+    let mut positions = Vec::with_capacity(input.plausible(element.count, row_bytes));
+    for _ in 0..element.count {
+        let missing = MissingRows(element);
+        let mut position = Vec3::ZERO;
+        for (place, property) in element.properties.iter().enumerate() {
+            match (axes.iter().position(|&axis| axis == place), property.kind) {
+                (Some(axis), Kind::One(scalar)) => {
+                    if input.fill(scalar.size())? < scalar.size() {
+                        return Err(input.truncated(missing));
+                    }
+                    position[axis] = scalar.real(input.window(), big);
+                    input.consume(scalar.size());
+                }
+                _ => skip_properties(input, std::slice::from_ref(property), big, missing)?,
+            }
+        }
+        positions.push(position);
+    }
+    Ok(positions)
+}
+
+fn list_length<R: Read>(
+    input: &mut Input<R>,
+    length: Scalar,
+    big: bool,
+    missing: MissingRows<'_>,
+) -> Result<u64, Error> {
+    if input.fill(length.size())? < length.size() {
+        return Err(input.truncated(missing));
+    }
+    let count = length.integer(input.window(), big);
+    let place = Place::Byte(input.offset());
+    input.consume(length.size());
+    u64::try_from(count)
+        .map_err(|_| input.malformed(place, format!("a list of {count} items"), EXPORT_AGAIN))
+}
+
+fn skip_properties<R: Read>(
+    input: &mut Input<R>,
+    properties: &[Property],
+    big: bool,
+    missing: MissingRows<'_>,
+) -> Result<(), Error> {
+    for property in properties {
+        match property.kind {
+            Kind::One(scalar) => input.skip(scalar.size() as u64, missing)?,
+            Kind::List { length, item } => {
+                let count = list_length(input, length, big, missing)?;
+                input.skip(count.saturating_mul(item.size() as u64), missing)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The bytes of a binary row that holds a triangle.
+struct TriangleRow {
+    bytes: usize,
+    before: usize,
+    length: Scalar,
+    item: Scalar,
+}
+
+impl TriangleRow {
+    /// `None` if other lists make rows vary in size.
+    fn new(element: &Element, list: usize) -> Option<Self> {
+        let Kind::List { length, item } = element.properties.get(list)?.kind else { return None };
+        let (mut before, mut bytes) = (0, length.size() + 3 * item.size());
+        for (place, property) in element.properties.iter().enumerate().filter(|&(p, _)| p != list) {
+            let Kind::One(scalar) = property.kind else { return None };
+            bytes += scalar.size();
+            before += if place < list { scalar.size() } else { 0 };
+        }
+        Some(Self { bytes, before, length, item })
+    }
+
+    /// The corners if the row's list has three.
+    #[inline]
+    fn corners(&self, row: &[u8], big: bool) -> Option<[i64; 3]> {
+        let list = row.get(self.before..)?;
+        if self.length.integer(list, big) != 3 {
+            return None;
+        }
+        let items = list.get(self.length.size()..)?;
+        let size = self.item.size();
+        Some([
+            self.item.integer(items, big),
+            self.item.integer(items.get(size..)?, big),
+            self.item.integer(items.get(2 * size..)?, big),
+        ])
+    }
+}
+
+/// A strip: each corner after the second makes a triangle with the two before it, and every other one is turned round.
+#[derive(Default)]
+struct Strip {
+    last: [u32; 2],
+    count: u64,
+}
+
+impl Strip {
+    /// The triangle that this corner completes; those that repeat a corner only stitch the strip.
+    fn push(&mut self, vertex: u32) -> Option<[u32; 3]> {
+        let [a, b] = self.last;
+        self.last = [b, vertex];
+        self.count += 1;
+        if self.count < 3 || a == b || b == vertex || a == vertex {
+            return None;
+        }
+        Some(if self.count % 2 == 1 { [a, b, vertex] } else { [b, a, vertex] })
+    }
+}

@@ -1,0 +1,172 @@
+//! Writing PLY: vertices, then faces, with the counts in front of both.
+
+use std::io::{Read, Seek, SeekFrom, Write};
+
+use glam::Vec3;
+use tempfile::SpooledTempFile;
+
+use crate::codec::output::{BoxedOutput, Pen, patchable, spool};
+use crate::codec::text::write_point;
+use crate::codec::weld::Welder;
+use crate::{Error, IndexedMesh, Triangle, TriangleSink};
+
+/// How the rows are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Encoding {
+    Ascii,
+    Little,
+    Big,
+}
+
+impl Encoding {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Ascii => "ascii",
+            Self::Little => "binary_little_endian",
+            Self::Big => "binary_big_endian",
+        }
+    }
+
+    fn put_vertex(self, out: &mut Vec<u8>, position: Vec3) -> std::io::Result<()> {
+        match self {
+            Self::Ascii => {
+                write_point(out, position)?;
+                out.push(b'\n');
+            }
+            Self::Little => {
+                position.to_array().iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
+            }
+            Self::Big => {
+                position.to_array().iter().for_each(|c| out.extend_from_slice(&c.to_be_bytes()));
+            }
+        }
+        Ok(())
+    }
+
+    fn put_face(self, out: &mut Vec<u8>, [a, b, c]: [u32; 3]) -> std::io::Result<()> {
+        match self {
+            Self::Ascii => writeln!(out, "3 {a} {b} {c}")?,
+            Self::Little => {
+                out.push(3);
+                [a, b, c].iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
+            }
+            Self::Big => {
+                out.push(3);
+                [a, b, c].iter().for_each(|v| out.extend_from_slice(&v.to_be_bytes()));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Digits of the largest 64-bit count.
+const COUNT_DIGITS: usize = 20;
+
+/// The header; always of the same length for the same encoding, whatever the counts, so that it can be replaced.
+fn header(encoding: Encoding, num_vertices: u64, num_faces: u64) -> String {
+    // Every reader takes `int`; only more vertices than that need the other type.
+    let index = if num_vertices > i32::MAX as u64 { "uint" } else { "int" };
+    let counts = format!("{num_vertices}{num_faces}{index}");
+    let padding = " ".repeat((2 * COUNT_DIGITS + "uint".len()).saturating_sub(counts.len()));
+    format!(
+        "ply\nformat {} 1.0\ncomment written by mesh-io{padding}\n\
+         element vertex {num_vertices}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {num_faces}\nproperty list uchar {index} vertex_indices\nend_header\n",
+        encoding.name()
+    )
+}
+
+/// The whole mesh.
+pub(crate) fn write_mesh<W: Write>(
+    pen: &mut Pen<W>,
+    mesh: &IndexedMesh,
+    encoding: Encoding,
+) -> Result<(), Error> {
+    let header = header(encoding, mesh.positions.len() as u64, mesh.triangles.len() as u64);
+    pen.bytes(header.as_bytes())?;
+    for &position in &mesh.positions {
+        pen.put(|out| encoding.put_vertex(out, position))?;
+    }
+    for &triangle in &mesh.triangles {
+        pen.put(|out| encoding.put_face(out, triangle))?;
+    }
+    pen.flush()
+}
+
+/// A stream of triangles, welded; the faces wait in a scratch file until all vertices are written.
+pub(crate) struct PlySink<'a> {
+    pen: Pen<BoxedOutput<'a>>,
+    faces: Pen<SpooledTempFile>,
+    welder: Welder,
+    encoding: Encoding,
+    num_faces: u64,
+}
+
+impl<'a> PlySink<'a> {
+    pub(crate) fn new(
+        output: BoxedOutput<'a>,
+        name: &str,
+        encoding: Encoding,
+        welder: Welder,
+    ) -> Result<Self, Error> {
+        let mut pen = Pen::new(patchable(output), name);
+        let faces = Pen::new(spool(pen.scratch()), name);
+        pen.bytes(header(encoding, 0, 0).as_bytes())?;
+        Ok(Self { pen, faces, welder, encoding, num_faces: 0 })
+    }
+}
+
+impl TriangleSink for PlySink<'_> {
+    fn write(&mut self, triangles: &[Triangle]) -> Result<(), Error> {
+        for triangle in triangles {
+            let mut face = [0; 3];
+            for (index, &position) in face.iter_mut().zip(triangle) {
+                let Some((vertex, new)) = self.welder.weld(position) else {
+                    return Err(Error::TooLarge {
+                        name: self.pen.name().to_owned(),
+                        what: "vertices",
+                        limit: self.welder.num_vertices(),
+                    });
+                };
+                if new {
+                    self.pen.put(|out| self.encoding.put_vertex(out, position))?;
+                }
+                *index = vertex;
+            }
+            self.faces.put(|out| self.encoding.put_face(out, face))?;
+        }
+        self.num_faces += triangles.len() as u64;
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<(), Error> {
+        self.faces.flush()?;
+        let name = self.pen.name().to_owned();
+        let failed = |error| Error::io(&name, "copy the faces of", error);
+        let mut faces = self.faces.into_writer();
+        faces.seek(SeekFrom::Start(0)).map_err(failed)?;
+        let mut chunk = vec![0; 1 << 16];
+        loop {
+            match faces.read(&mut chunk).map_err(failed)? {
+                0 => break,
+                count => self.pen.bytes(&chunk[..count])?,
+            }
+        }
+        let header = header(self.encoding, self.welder.num_vertices(), self.num_faces);
+        self.pen.patch(0, header.as_bytes())?;
+        self.pen.commit()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_header_keeps_its_length() {
+        let length = header(Encoding::Big, 0, 0).len();
+        for count in [1, 99, 1 << 31, 1 << 40, u64::MAX] {
+            assert_eq!(header(Encoding::Big, count, count).len(), length);
+        }
+    }
+}

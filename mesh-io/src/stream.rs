@@ -1,0 +1,112 @@
+//! The two ends of a triangle stream.
+
+use crate::{Error, IndexedMesh, Triangle};
+
+/// Hands out triangles batch by batch, in the order of the file.
+pub trait TriangleSource {
+    /// Appends at most `max` triangles to `out` and returns how many; zero means the end (or `max == 0`).
+    ///
+    /// Fewer than `max` is not yet the end. After an error the source is not to be read again.
+    ///
+    /// # Errors
+    ///
+    /// What the file has wrong, or the operating system refuses; see [`Error`].
+    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error>;
+
+    /// The number of triangles from the first to the last, where it is known for certain before they are read.
+    fn triangle_count(&self) -> Option<u64>;
+
+    /// The number of triangles to expect, for progress and planning: what the file says, which may be wrong.
+    fn triangle_hint(&self) -> Option<u64> {
+        self.triangle_count()
+    }
+}
+
+/// Takes triangles batch by batch and makes a file of them.
+///
+/// Nothing is guaranteed to be in the file before [`finish`](TriangleSink::finish) has returned; a sink dropped before
+/// that leaves no file behind.
+pub trait TriangleSink {
+    /// Takes these triangles.
+    ///
+    /// # Errors
+    ///
+    /// What the operating system refuses, or the format cannot hold; see [`Error`].
+    fn write(&mut self, triangles: &[Triangle]) -> Result<(), Error>;
+
+    /// Completes the file: counts, remaining data, and its final name.
+    ///
+    /// # Errors
+    ///
+    /// As [`write`](TriangleSink::write); the file is then not there.
+    fn finish(self: Box<Self>) -> Result<(), Error>;
+}
+
+impl<S: TriangleSource + ?Sized> TriangleSource for Box<S> {
+    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+        (**self).read(out, max)
+    }
+
+    fn triangle_count(&self) -> Option<u64> {
+        (**self).triangle_count()
+    }
+
+    fn triangle_hint(&self) -> Option<u64> {
+        (**self).triangle_hint()
+    }
+}
+
+/// A mesh in memory as a stream.
+///
+/// ```
+/// use mesh_io::{IndexedMesh, MeshSource, TriangleSource};
+/// use glam::Vec3;
+///
+/// let mesh = IndexedMesh::from_soup(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+/// let mut source = MeshSource::new(mesh, "a triangle");
+/// let mut out = Vec::new();
+/// assert_eq!(source.read(&mut out, 10)?, 1);
+/// assert_eq!(source.read(&mut out, 10)?, 0);
+/// # Ok::<(), mesh_io::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct MeshSource {
+    mesh: IndexedMesh,
+    name: String,
+    next: usize,
+}
+
+impl MeshSource {
+    /// Streams the mesh's triangles in order; `name` is for messages.
+    pub fn new(mesh: IndexedMesh, name: &str) -> Self {
+        Self { mesh, name: name.to_owned(), next: 0 }
+    }
+}
+
+impl TriangleSource for MeshSource {
+    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+        let positions = &self.mesh.positions;
+        let stop = self.next.saturating_add(max).min(self.mesh.triangles.len());
+        let batch = &self.mesh.triangles[self.next..stop];
+        out.reserve(batch.len());
+        for triangle in batch {
+            let mut corners = [glam::Vec3::ZERO; 3];
+            for (corner, &v) in corners.iter_mut().zip(triangle) {
+                *corner = *positions.get(v as usize).ok_or_else(|| Error::IndexOutOfRange {
+                    name: self.name.clone(),
+                    place: crate::Place::File,
+                    index: i64::from(v),
+                    num_vertices: positions.len() as u64,
+                })?;
+            }
+            out.push(corners);
+        }
+        let count = batch.len();
+        self.next = stop;
+        Ok(count)
+    }
+
+    fn triangle_count(&self) -> Option<u64> {
+        Some(self.mesh.triangles.len() as u64)
+    }
+}

@@ -1,0 +1,253 @@
+//! The ways out: a path or a writer, from a mesh or from a stream.
+
+use std::io::Write;
+use std::path::Path;
+
+use crate::{Error, Format, IndexedMesh, TriangleSink};
+
+/// Writes a whole mesh; the format goes by the extension, and `.gz` or `.zst` after it packs the file.
+///
+/// The file is written beside its target under a temporary name and renamed at the end, so there is a whole file or
+/// none, and an older one of that name stays until then. Devices and named pipes are written to directly.
+///
+/// # Errors
+///
+/// What the operating system refuses, or the format cannot hold; no file is left behind then.
+pub fn write_mesh(path: &Path, mesh: &IndexedMesh) -> Result<(), Error> {
+    write_mesh_as(path, None, mesh)
+}
+
+/// [`write_mesh`] in this format, whatever the file's name; `None` goes by the name.
+///
+/// # Errors
+///
+/// As [`write_mesh`].
+pub fn write_mesh_as(path: &Path, format: Option<Format>, mesh: &IndexedMesh) -> Result<(), Error> {
+    let name = path.display().to_string();
+    dispatch::file(path, &name, named(path, format, &name)?, mesh)
+}
+
+/// Writes a whole mesh to a writer, not packed.
+///
+/// # Errors
+///
+/// As [`write_mesh`], except that some of it may have been written.
+pub fn write_mesh_to(
+    mut writer: impl Write,
+    format: Format,
+    mesh: &IndexedMesh,
+) -> Result<(), Error> {
+    dispatch::mesh(&mut writer, "output", format, mesh)
+}
+
+/// Creates a file that takes triangles as they come; the format goes by the extension, and `.gz` or `.zst` packs it.
+///
+/// The file appears under its name when the sink is finished, as with [`write_mesh`]. STL is written as it comes; PLY and
+/// OBJ weld corners with the same coordinate bits, glTF too but only after it has gathered everything in memory.
+///
+/// # Complexity
+///
+/// PLY and OBJ remember the last one to two million vertices for welding (about 60 MB at most); a vertex that comes back
+/// after more others than that becomes a second one. The faces of a PLY wait in a scratch file beside the target.
+///
+/// # Errors
+///
+/// What the operating system refuses.
+pub fn create_sink(path: &Path) -> Result<Box<dyn TriangleSink + Send>, Error> {
+    create_sink_as(path, None)
+}
+
+/// [`create_sink`] in this format, whatever the file's name; `None` goes by the name.
+///
+/// # Errors
+///
+/// As [`create_sink`].
+pub fn create_sink_as(
+    path: &Path,
+    format: Option<Format>,
+) -> Result<Box<dyn TriangleSink + Send>, Error> {
+    let name = path.display().to_string();
+    dispatch::file_sink(path, &name, named(path, format, &name)?)
+}
+
+/// A sink that writes to a pipe.
+///
+/// Text STL and OBJ flow as they come. Binary STL and PLY have their counts in front, so they wait (in memory, beyond some
+/// MiB in a scratch file) until the sink is finished; readers other than this crate's need those counts right.
+///
+/// # Errors
+///
+/// What the operating system refuses.
+pub fn sink_to<'a>(
+    writer: impl Write + Send + 'a,
+    format: Format,
+) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
+    dispatch::stream_sink(writer, "output", format)
+}
+
+fn named(path: &Path, format: Option<Format>, name: &str) -> Result<Format, Error> {
+    format
+        .or_else(|| Format::from_path(path))
+        .ok_or_else(|| Error::UnknownFormat { name: name.to_owned() })
+}
+
+/// From a format to its writer.
+#[cfg(any(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
+mod dispatch {
+    use super::*;
+    use crate::Place;
+    use crate::codec::output::{BoxedOutput, Pen, Stream, WholeFile};
+
+    /// Vertices in a generation of the welding table; see [`crate::codec::weld::Welder`].
+    #[cfg(any(feature = "ply", feature = "obj"))]
+    const GENERATION: usize = 1 << 20;
+
+    pub(super) fn file(
+        path: &Path,
+        name: &str,
+        format: Format,
+        whole: &IndexedMesh,
+    ) -> Result<(), Error> {
+        let mut file = WholeFile::create(path)?;
+        mesh(&mut file, name, format, whole)?;
+        file.commit().map_err(|error| Error::io(name, "write", error))
+    }
+
+    pub(super) fn mesh(
+        writer: &mut dyn Write,
+        name: &str,
+        format: Format,
+        mesh: &IndexedMesh,
+    ) -> Result<(), Error> {
+        if let Some((_, index)) = mesh.first_bad_index() {
+            return Err(Error::IndexOutOfRange {
+                name: name.to_owned(),
+                place: Place::File,
+                index: i64::from(index),
+                num_vertices: mesh.positions.len() as u64,
+            });
+        }
+        let mut pen = Pen::new(&mut *writer, name);
+        match format {
+            #[cfg(feature = "stl")]
+            Format::StlBinary => crate::stl::write_mesh(&mut pen, mesh, false)?,
+            #[cfg(feature = "stl")]
+            Format::StlAscii => crate::stl::write_mesh(&mut pen, mesh, true)?,
+            #[cfg(feature = "ply")]
+            Format::PlyAscii | Format::PlyBinaryLittle | Format::PlyBinaryBig => {
+                crate::ply::write_mesh(&mut pen, mesh, ply_encoding(format))?;
+            }
+            #[cfg(feature = "obj")]
+            Format::Obj => crate::obj::write_mesh(&mut pen, mesh)?,
+            #[cfg(feature = "gltf")]
+            Format::Gltf => crate::gltf::write_mesh(&mut pen, mesh, crate::gltf::Container::Json)?,
+            #[cfg(feature = "gltf")]
+            Format::Glb => crate::gltf::write_mesh(&mut pen, mesh, crate::gltf::Container::Binary)?,
+            #[allow(unreachable_patterns)]
+            _ => return Err(format.family().disabled(name)),
+        }
+        pen.flush()?;
+        writer.flush().map_err(|error| Error::io(name, "write", error))
+    }
+
+    #[cfg(feature = "ply")]
+    fn ply_encoding(format: Format) -> crate::ply::Encoding {
+        match format {
+            Format::PlyAscii => crate::ply::Encoding::Ascii,
+            Format::PlyBinaryBig => crate::ply::Encoding::Big,
+            _ => crate::ply::Encoding::Little,
+        }
+    }
+
+    pub(super) fn file_sink(
+        path: &Path,
+        name: &str,
+        format: Format,
+    ) -> Result<Box<dyn TriangleSink + Send>, Error> {
+        sink(Box::new(WholeFile::create(path)?), name, format)
+    }
+
+    pub(super) fn stream_sink<'a>(
+        writer: impl Write + Send + 'a,
+        name: &str,
+        format: Format,
+    ) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
+        sink(Box::new(Stream(writer)), name, format)
+    }
+
+    fn sink<'a>(
+        output: BoxedOutput<'a>,
+        name: &str,
+        format: Format,
+    ) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
+        #[cfg(any(feature = "ply", feature = "obj"))]
+        let welder = crate::codec::weld::Welder::with_generation(GENERATION);
+        match format {
+            #[cfg(feature = "stl")]
+            Format::StlBinary => Ok(Box::new(crate::stl::BinarySink::new(output, name)?)),
+            #[cfg(feature = "stl")]
+            Format::StlAscii => Ok(Box::new(crate::stl::AsciiSink::new(output, name)?)),
+            #[cfg(feature = "ply")]
+            Format::PlyAscii | Format::PlyBinaryLittle | Format::PlyBinaryBig => {
+                let encoding = ply_encoding(format);
+                Ok(Box::new(crate::ply::PlySink::new(output, name, encoding, welder)?))
+            }
+            #[cfg(feature = "obj")]
+            Format::Obj => Ok(Box::new(crate::obj::ObjSink::new(output, name, welder)?)),
+            #[cfg(feature = "gltf")]
+            Format::Gltf => {
+                Ok(Box::new(crate::gltf::GltfSink::new(output, name, crate::gltf::Container::Json)))
+            }
+            #[cfg(feature = "gltf")]
+            Format::Glb => {
+                let container = crate::gltf::Container::Binary;
+                Ok(Box::new(crate::gltf::GltfSink::new(output, name, container)))
+            }
+            #[allow(unreachable_patterns)]
+            _ => {
+                drop(output);
+                Err(format.family().disabled(name))
+            }
+        }
+    }
+}
+
+/// Without any format there is nothing to write.
+#[cfg(not(any(feature = "stl", feature = "ply", feature = "obj", feature = "gltf")))]
+mod dispatch {
+    use super::*;
+
+    pub(super) fn file(
+        _path: &Path,
+        name: &str,
+        format: Format,
+        _mesh: &IndexedMesh,
+    ) -> Result<(), Error> {
+        Err(format.family().disabled(name))
+    }
+
+    pub(super) fn mesh(
+        _writer: &mut dyn Write,
+        name: &str,
+        format: Format,
+        _mesh: &IndexedMesh,
+    ) -> Result<(), Error> {
+        Err(format.family().disabled(name))
+    }
+
+    pub(super) fn file_sink(
+        _path: &Path,
+        name: &str,
+        format: Format,
+    ) -> Result<Box<dyn TriangleSink + Send>, Error> {
+        Err(format.family().disabled(name))
+    }
+
+    pub(super) fn stream_sink<'a>(
+        _writer: impl Write + Send + 'a,
+        name: &str,
+        format: Format,
+    ) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
+        Err(format.family().disabled(name))
+    }
+}
