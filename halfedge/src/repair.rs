@@ -65,8 +65,9 @@ pub struct Repaired {
 /// In this order; every step is counted in the [report](RepairReport).
 ///
 /// 1. Triangles with a coordinate that is not finite are dropped.
-/// 2. Vertices with the same coordinates, bit for bit (−0 equals +0), become one.
-/// 3. Triangles that name a vertex twice are dropped. Triangles without area that name three vertices stay.
+/// 2. Triangles that name a vertex twice are dropped. Triangles without area that name three vertices stay.
+/// 3. Vertices on open edges that have the same coordinates, bit for bit (−0 equals +0), become one, so that seams and
+///    soups close. Two corners of one triangle do not: no triangle is lost here.
 /// 4. Of triangles with the same corners and orientation all but the first are dropped.
 /// 5. An edge with one triangle on each side is kept. Along an edge with more triangles, or with two of the same
 ///    orientation, pairs of opposite orientation are formed, the pair that continues most nearly flat first; what
@@ -97,10 +98,10 @@ pub fn repair(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<Repaired, Bu
         .collect();
     report.non_finite_triangles = triangles.len() - kept.len();
     let mut positions = positions.to_vec();
-    report.welded_vertices = weld(&positions, &mut kept);
     let before = kept.len();
     kept.retain(|&[a, b, c]| a != b && b != c && c != a);
     report.degenerate_triangles = before - kept.len();
+    report.welded_vertices = weld_open_edges(&positions, &mut kept);
     report.duplicate_triangles = drop_duplicates(positions.len(), &mut kept);
 
     let mut reverse = pair_half_edges(&positions, &kept, &mut report);
@@ -118,28 +119,44 @@ pub fn repair(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<Repaired, Bu
     Ok(Repaired { mesh, positions, report })
 }
 
-/// Makes triangles name the first of all vertices with the same coordinates. Returns how many vertices fell away.
-fn weld(positions: &[Vec3], triangles: &mut [[u32; 3]]) -> usize {
+/// Makes triangles name the first of all vertices on open edges with the same coordinates, but never one vertex twice.
+/// Returns how many vertices fell away.
+fn weld_open_edges(positions: &[Vec3], triangles: &mut [[u32; 3]]) -> usize {
+    let on_open_edge = open_edge_vertices(positions.len(), triangles);
     let mut first_at = FxHashMap::default();
-    first_at.reserve(positions.len());
-    let mut welded = 0;
-    let target: Vec<u32> = positions
-        .iter()
-        .zip(0u32..)
-        .map(|(p, v)| {
-            // Adding +0 turns −0 into +0 and changes nothing else.
-            let target =
-                *first_at.entry((*p + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert(v);
-            welded += usize::from(target != v);
-            target
-        })
-        .collect();
-    if welded > 0 {
-        for v in triangles.as_flattened_mut() {
-            *v = target[*v as usize];
+    let mut target: Vec<u32> = (0..positions.len() as u32).collect();
+    for (v, p) in positions.iter().enumerate().filter(|&(v, _)| on_open_edge[v]) {
+        // Adding +0 turns −0 into +0 and changes nothing else.
+        let key = (*p + Vec3::ZERO).to_array().map(f32::to_bits);
+        target[v] = *first_at.entry(key).or_insert(v as u32);
+    }
+    // Leaving vertices out of it brings no two others together: once over the triangles is enough.
+    for t in triangles.iter() {
+        let [a, b, c] = t.map(|v| target[v as usize]);
+        if a == b || b == c || c == a {
+            for &v in t {
+                target[v as usize] = v;
+            }
         }
     }
-    welded
+    for v in triangles.as_flattened_mut() {
+        *v = target[*v as usize];
+    }
+    target.iter().zip(0..).filter(|&(&target, v)| target != v).count()
+}
+
+/// Marks the vertices on edges that only one triangle has.
+fn open_edge_vertices(num_vertices: usize, triangles: &[[u32; 3]]) -> Vec<bool> {
+    let buckets = Buckets::by_start(num_vertices, triangles);
+    let mut open = vec![false; num_vertices];
+    for h in (0..3 * triangles.len()).map(HalfEdgeId::from_index) {
+        let (from, to) = buckets.edge(h);
+        if !buckets.leaving(to).iter().any(|&g| buckets.edge(g).1 == from) {
+            open[from as usize] = true;
+            open[to as usize] = true;
+        }
+    }
+    open
 }
 
 /// Drops triangles whose corners an earlier one has, in the same orientation. Returns how many.

@@ -66,16 +66,29 @@ fn everything_dirty_is_counted() {
     let nan = Vec3::new(f32::NAN, 0.0, 0.0);
     let mut positions = corner_points();
     positions.extend([nan, vec3(-0.0, 0.0, 0.0), vec3(9.0, 9.0, 9.0)]);
-    let triangles = [[0, 1, 2], [2, 6, 1], [0, 1, 5], [0, 0, 1], [0, 6, 1], [1, 2, 3]];
+    let triangles = [[0, 1, 2], [2, 6, 1], [0, 1, 5], [0, 0, 1], [1, 2, 3]];
     let r = repair(&positions, &triangles).unwrap();
     check(&r);
     assert_eq!(r.report.non_finite_triangles, 1);
     assert_eq!(r.report.welded_vertices, 1);
     assert_eq!(r.report.duplicate_triangles, 1, "2 6 1 is 0 1 2 once 6 is 0");
-    assert_eq!(r.report.degenerate_triangles, 2);
+    assert_eq!(r.report.degenerate_triangles, 1);
     assert_eq!(r.report.orientation_conflicts, 1, "1→2 twice");
     assert_eq!(r.report.unused_vertices, 3, "the far, the NaN and vertex 4");
     assert_eq!(r.mesh.num_faces(), 2);
+}
+
+#[test]
+fn seams_are_welded_but_no_triangle_is_lost_to_it() {
+    let mut positions = corner_points();
+    positions.extend([positions[1], positions[2], positions[0]]);
+    // A seam along 1–2, and a sliver between 0 and its twin 7.
+    let r = repair(&positions, &[[0, 1, 2], [5, 3, 6], [0, 7, 1]]).unwrap();
+    check(&r);
+    assert_eq!(r.report.welded_vertices, 2);
+    assert_eq!(r.mesh.num_faces(), 3);
+    let open = r.mesh.half_edges().filter(|&h| r.mesh.reverse(h).is_none()).count();
+    assert_eq!(open, 9 - 2 - 2, "two edges are shared");
 }
 
 #[test]
