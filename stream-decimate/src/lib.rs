@@ -1,1 +1,22 @@
-//! Decimation of triangle streams of any length in a fixed buffer.
+//! Decimation of triangle streams of any length in a fixed buffer: what is asked for, and what is reported.
+//!
+//! [`DecimateOptions`] states a target and the size of the buffer, checked once; [`DecimateReport`] says what came of
+//! it, and why where a target was missed.
+//!
+//! # Sources
+//! Wu and Kobbelt, *A Stream Algorithm for the Decimation of Massive Meshes*, 2003.
+//!
+//! ```
+//! use stream_decimate::{DecimateOptions, Target};
+//!
+//! let options = DecimateOptions::new(Target::Ratio(0.02));
+//! options.check()?;
+//! assert_eq!(options.target.triangles(871_414), Some(17_428));
+//! # Ok::<(), stream_decimate::OptionsError>(())
+//! ```
+
+mod options;
+mod report;
+
+pub use options::{DecimateOptions, OptionsError, Placement, Target};
+pub use report::{DecimateReport, MissedTarget};
