@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::{Error, generate};
+use crate::{Error, conformance, demo, generate, test};
 
 /// Builds, tests, demonstrates and judges the whole project.
 #[derive(Debug, Parser)]
@@ -18,6 +18,14 @@ struct Arguments {
 enum Command {
     /// Generate a deterministic test mesh of any size in constant memory.
     Gen(generate::Arguments),
+    /// Build a model and make pictures and a table of it, as in the first paper's Figure 10 and Table 3.
+    Demo(demo::Arguments),
+    /// Format, lint, test and judge everything.
+    Test,
+    /// What the continuous integration runs: the same as `test`.
+    Ci,
+    /// Judge every public claim with trimesh.
+    Conformance(conformance::Arguments),
 }
 
 /// Runs the command that the process was started with.
@@ -36,5 +44,8 @@ pub fn main() -> ExitCode {
 fn run(command: Command) -> Result<(), Error> {
     match command {
         Command::Gen(arguments) => generate::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
+        Command::Test | Command::Ci => test::run(),
+        Command::Conformance(arguments) => conformance::run(&arguments),
     }
 }

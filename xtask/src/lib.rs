@@ -19,9 +19,14 @@
 //! ```
 
 pub mod command_line;
+pub mod conformance;
+pub mod demo;
 mod error;
 // `gen` is a keyword of the 2024 edition, so the module has the verb's whole name.
 #[path = "gen/mod.rs"]
 pub mod generate;
+pub mod process;
+pub mod setup;
+pub mod test;
 
 pub use error::Error;

@@ -98,7 +98,7 @@ fn torus(p: [f64; 3], major: f64, minor: f64) -> f64 {
 }
 
 /// Two parts' distances blend where they differ by less than this.
-const WIDTH: f64 = 0.12;
+const WIDTH: f64 = 0.06;
 
 /// The lesser of both, rounded where they meet; its gradient is no longer than theirs.
 fn smooth_min(a: f64, b: f64) -> f64 {
@@ -215,15 +215,16 @@ impl Isosurface {
         parts: u8,
         visit: &mut dyn FnMut([u64; 3], u8) -> io::Result<()>,
     ) -> io::Result<()> {
-        // Distances to the texture-free figure; the texture adds at most its amplitudes.
-        let center = self.place(first.map(|c| c as f64 + size as f64 / 2.0));
+        // Blocks have an even number of cubes along each edge: the center is a point of the grid.
+        let middle = first.map(|c| c + size / 2);
         let reach = LIPSCHITZ * self.step() * size as f64 * 0.5 * 3.0_f64.sqrt();
-        if figure(center, parts).abs() > reach + TEXTURE[0][0] + TEXTURE[1][0] {
+        if self.value(middle, parts).abs() > reach {
             return Ok(());
         }
         // Parts too far off to have an influence anywhere in the block, to the last bit, are left out:
         // blending lowers a distance by at most a quarter of the width per part.
         let is_set = |i: &usize| parts >> i & 1 == 1;
+        let center = self.place(middle.map(|c| c as f64));
         let distances: [f64; NUM_PARTS] = std::array::from_fn(|i| part(center, i));
         let nearest = (0..NUM_PARTS).filter(is_set).fold(f64::INFINITY, |d, i| d.min(distances[i]));
         let limit = nearest + 2.0 * reach + WIDTH * (1.0 + 0.25 * NUM_PARTS as f64);

@@ -13,7 +13,7 @@ mod rings;
 mod scan;
 mod torus;
 
-pub use command::{Arguments, run};
+pub use command::{Arguments, run, write_file};
 
 use std::io;
 
@@ -83,7 +83,7 @@ pub struct Generator {
 enum Surface {
     Scan(scan::Scan),
     Torus(torus::Torus),
-    Isosurface(isosurface::Isosurface),
+    Isosurface(Box<isosurface::Isosurface>),
 }
 
 impl Generator {
@@ -107,7 +107,9 @@ impl Generator {
         let surface = match options.shape {
             Shape::Scan => Surface::Scan(scan::Scan::new(options)),
             Shape::Torus => Surface::Torus(torus::Torus::new(options)),
-            Shape::Isosurface => Surface::Isosurface(isosurface::Isosurface::new(options)),
+            Shape::Isosurface => {
+                Surface::Isosurface(Box::new(isosurface::Isosurface::new(options)))
+            }
         };
         Ok(Self { options: options.clone(), surface })
     }

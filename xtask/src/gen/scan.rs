@@ -88,7 +88,7 @@ impl Scan {
                     direction: [angle.cos(), angle.sin()],
                     height: -0.8 + 1.5 * (i as f64 + random(2)) / 9.0,
                     width: 0.12 + 0.18 * random(3),
-                    amplitude: 0.15 + 0.4 * random(4),
+                    amplitude: 0.12 + 0.28 * random(4),
                 }
             })
             .collect();

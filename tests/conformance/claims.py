@@ -1,0 +1,213 @@
+"""The claims about each step of a case, and what the judge finds."""
+
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+
+import distance
+import meshes
+import sameness
+import topology
+
+# A front's count may differ from the one asked for by this share: splits come in groups.
+FRONT_TOLERANCE = 0.05
+# Compact positions, as a share of the box diagonal.
+COMPACT_ERROR = 2e-4
+
+
+@dataclass
+class Finding:
+    """One claim and its outcome, in words."""
+
+    case: str
+    claim: str
+    expected: str
+    found: str
+    passed: bool
+
+
+@lru_cache(maxsize=8)
+def _load(path):
+    return meshes.load(path)
+
+
+class Case:
+    """One mesh's claims: what the input is, and what must hold of all that comes of it."""
+
+    def __init__(self, plan):
+        self.plan = plan
+        self.findings = []
+        self.input = meshes.weld(meshes.load(plan["input"]))
+        self.facts = topology.describe(self.input)
+        self.repaired = None
+
+    def judge(self):
+        """Judges the input and each step; returns the findings."""
+        self._judge_input()
+        for step in self.plan["steps"]:
+            self._judge_step(step)
+        return self.findings
+
+    def _claim(self, claim, expected, found, passed=None):
+        passed = expected == found if passed is None else bool(passed)
+        self.findings.append(Finding(self.plan["name"], claim, str(expected), str(found), passed))
+
+    def _judge_input(self):
+        nature, facts = self.plan["nature"], self.facts
+        if nature == "closed":
+            self._claim("input is a closed manifold", True, facts.closed)
+            self._claim("input's Euler number", self.plan["euler"], facts.euler)
+            self._claim("input's volume is positive", "> 0", f"{facts.volume:.6g}", facts.volume > 0)
+        elif nature == "open":
+            self._claim("input is a manifold", True, facts.manifold)
+            edges = facts.boundary_edges
+            self._claim("input has a boundary", "> 0", edges, edges > 0)
+
+    def _judge_step(self, step):
+        kind, exit_code = step["kind"], step["exit"]
+        name = _step_name(step)
+        if self.plan["nature"] == "dirty" and kind == "build" and exit_code == 1:
+            message = step["message"].strip().splitlines()[-1:]
+            said = bool(message) and message[0].startswith("error:")
+            self._claim(f"{name}: refused with a reason", "error: …", "".join(message), said)
+            self.repaired = "refused"
+            return
+        if self.repaired == "refused":
+            return
+        if exit_code != 0:
+            last = step["message"].strip().splitlines()[-1:] or ["no message"]
+            self._claim(f"{name}: done", "exit 0", f"exit {exit_code}: {last[0]}", False)
+            return
+        judge = getattr(self, f"_judge_{kind}")
+        try:
+            if step["output"] is None:
+                judge(name, step)
+            else:
+                mesh = _load(step["output"])
+                judge(name, step, mesh)
+        except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
+            self._claim(f"{name}: can be judged", "yes", f"{type(error).__name__}: {error}", False)
+
+    def _judge_build(self, name, step):
+        report = step["report"]
+        found = report["input_triangles"]
+        # Of a file in another format the count is the same.
+        self._claim(f"{name}: triangles read", self.facts.triangles, found)
+        self.repaired = report.get("repaired") or {}
+
+    def _judge_verify(self, name, step):
+        self._claim(f"{name}: ok", True, step["report"]["ok"])
+
+    _judge_against = _judge_verify
+
+    def _judge_full(self, name, step, mesh):
+        if not self.facts.manifold:
+            self._judge_repaired(name, mesh)
+            return
+        self._same_triangles(name, mesh)
+        self._same_topology(name, topology.describe(mesh), "volume")
+
+    def _judge_repaired(self, name, mesh):
+        """Nothing lost silently, and a manifold whatever came in."""
+        facts = topology.describe(mesh)
+        differing = sameness.differing_triangles(self.input, mesh)
+        silent = differing > 0 and not self.repaired
+        found = f"{differing} differ, repaired {self.repaired}"
+        self._claim(f"{name}: no triangle lost silently", "none or reported", found, not silent)
+        self._claim(f"{name}: a manifold", True, facts.manifold)
+
+    def _judge_front(self, name, step, mesh):
+        facts = topology.describe(mesh)
+        asked = step["asked"]
+        near = abs(facts.triangles - asked) <= max(2, FRONT_TOLERANCE * asked)
+        self._claim(f"{name}: count", f"about {asked}", facts.triangles, near)
+        self._judge_view(name, step, mesh)
+
+    def _judge_view(self, name, step, mesh):
+        facts = topology.describe(mesh)
+        self._claim(f"{name}: count reported", facts.triangles, step["report"]["output_triangles"])
+        if self.facts.manifold:
+            self._same_topology(name, facts)
+        else:
+            self._claim(f"{name}: a manifold", True, facts.manifold)
+
+    def _judge_compact(self, name, step, mesh):
+        facts = topology.describe(mesh)
+        limit = COMPACT_ERROR * self.facts.diagonal
+        if self.facts.manifold:
+            self._claim(f"{name}: triangles", self.facts.triangles, facts.triangles)
+            self._same_topology(name, facts)
+            apart = sameness.vertex_distance(self.input, mesh)
+            self._claim(f"{name}: position error", f"<= {limit:.3g}", f"{apart:.3g}", apart <= limit)
+        else:
+            self._claim(f"{name}: a manifold", True, facts.manifold)
+
+    def _judge_decimate(self, name, step, mesh):
+        facts = topology.describe(mesh)
+        missed = step["report"].get("missed")
+        exact = facts.triangles == step["asked"] or bool(missed)
+        found = f"{facts.triangles}, missed {missed}" if missed else facts.triangles
+        self._claim(f"{name}: exact count, or said why not", step["asked"], found, exact)
+        if not self.facts.manifold:
+            return
+        self._same_topology(name, facts)
+        if self.facts.closed:
+            drift = abs(facts.volume / self.facts.volume - 1)
+            self._claim(f"{name}: volume drift", "<= 1 %", f"{100 * drift:.3f} %", drift <= 0.01)
+
+    def _judge_diff(self, name, step, mesh):
+        """Ours against an independent sampler; a thousand samples tell a mean within a tenth."""
+        pairs = {"a_to_b": (self.input, mesh), "b_to_a": (mesh, self.input)}
+        for key, (start, end) in pairs.items():
+            ours, theirs = step["report"][key], distance.one_sided(start, end)
+            for what in ("mean", "rms"):
+                near = abs(ours[what] - theirs[what]) <= 0.1 * theirs[what]
+                self._claim(
+                    f"{name} {key}: {what}", f"{theirs[what]:.4g} ± 10 %", f"{ours[what]:.4g}", near
+                )
+
+    def _judge_read(self, name, step, mesh):
+        # Against trimesh's reading of the same file: text has fewer digits than the input.
+        written = meshes.weld(_load(step["output"][: -len(".ply")]))
+        differing = sameness.differing_triangles(written, mesh)
+        self._claim(f"{name}: differing triangles", 0, differing)
+
+    def _judge_write(self, name, step, mesh):
+        self._same_triangles(name, mesh)
+
+    def _same_triangles(self, name, mesh):
+        differing = sameness.differing_triangles(self.input, mesh)
+        self._claim(f"{name}: differing triangles", 0, differing)
+
+    def _same_topology(self, name, facts, *also):
+        """The input's topology; by one claim, which names what is otherwise."""
+        wanted, found = self.facts, facts
+        keys = ["euler", "components", "watertight", "winding"]
+        keys += ["edge_manifold", "vertex_manifold", "degenerate"]
+        wrong = [k for k in keys if getattr(wanted, k) != getattr(found, k)]
+        kind = "closed" if wanted.closed else "manifold"
+        expected = f"{kind}, Euler {wanted.euler}"
+        text = ", ".join(f"{k} {getattr(found, k)}" for k in wrong) or expected
+        self._claim(f"{name}: topology", expected, text, not wrong)
+        for key in also:
+            one, other = getattr(wanted, key), getattr(found, key)
+            near = abs(one - other) <= 1e-9 * max(abs(one), abs(other))
+            self._claim(f"{name}: {key}", f"{one:.9g}", f"{other:.9g}", near)
+
+
+def _step_name(step):
+    """A short name: the kind, and what was asked for or which file it is about."""
+    if "asked" in step:
+        return f"{step['kind']} {step['asked']}"
+    if step["kind"] in ("read", "write"):
+        file = step["output"].rsplit("/", 1)[-1]
+        return f"{step['kind']} {file[: -len('.ply')] if step['kind'] == 'read' else file}"
+    if step["kind"] == "build":
+        return "build " + step["command"].split()[3].rsplit("/", 1)[-1]
+    if step["kind"] in ("full", "view"):
+        return f"{step['kind']} {step['output'].rsplit('/', 1)[-1]}"
+    return step["kind"]
+
+
+def judge(plan):
+    """The findings of one case, as plain dictionaries."""
+    return [asdict(finding) for finding in Case(plan).judge()]
