@@ -127,7 +127,7 @@ impl<'a> Builder<'a> {
         let rated: Vec<(u32, Option<Candidate>)> = alive
             .par_iter()
             .filter(|&&v| self.stale[v as usize])
-            .map(|&v| (v, self.best_collapse(VertexId::new(v))))
+            .map_init(Vec::new, |scratch, &v| (v, self.best_collapse(VertexId::new(v), scratch)))
             .collect();
         for (v, candidate) in rated {
             self.candidates[v as usize] = candidate;
@@ -135,21 +135,18 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn best_collapse(&self, v: VertexId) -> Option<Candidate> {
+    fn best_collapse(&self, v: VertexId, options: &mut Vec<Candidate>) -> Option<Candidate> {
         let own = &self.quadrics[v.index()];
         let at = self.positions[v.index()];
-        let mut options: Vec<Candidate> = self
-            .mesh
-            .outgoing(v)
-            .map(|half_edge| {
-                let u = self.mesh.end(half_edge).index();
-                let cost = own.cost(self.positions[u] - at) + self.quadrics[u].cost(Vec3::ZERO);
-                Candidate { cost, half_edge }
-            })
-            .filter(|c| c.cost.is_finite())
-            .collect();
+        options.clear();
+        options.extend(self.mesh.outgoing(v).map(|half_edge| {
+            let u = self.mesh.end(half_edge).index();
+            let cost = own.cost(self.positions[u] - at) + self.quadrics[u].cost(Vec3::ZERO);
+            Candidate { cost, half_edge }
+        }));
+        options.retain(|c| c.cost.is_finite());
         options.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.half_edge.cmp(&b.half_edge)));
-        options.into_iter().find(|c| self.legal(c.half_edge).is_some())
+        options.iter().find(|c| self.legal(c.half_edge).is_some()).copied()
     }
 
     fn legal(&self, h: HalfEdgeId) -> Option<Collapse> {
@@ -172,14 +169,17 @@ impl<'a> Builder<'a> {
                 break;
             }
             let Some(candidate) = self.candidates[v as usize] else { continue };
-            let v = VertexId::new(v);
-            // A candidate whose end went, whose surroundings changed, is for a later round.
-            if self.touched[v.index()] != self.round
-                && let Some(collapse) = self.legal(candidate.half_edge)
-                && collapse.removed == v
-                && self.touched[collapse.kept.index()] != self.round
-            {
-                self.perform(&collapse);
+            if !self.mesh.has_face(candidate.half_edge.face()) {
+                continue;
+            }
+            let end = self.mesh.end(candidate.half_edge).index();
+            if self.touched[v as usize] == self.round || self.touched[end] == self.round {
+                continue;
+            }
+            match self.legal(candidate.half_edge) {
+                Some(collapse) => self.perform(&collapse),
+                // Its surroundings changed since it was rated.
+                None => self.stale[v as usize] = true,
             }
         }
         self.records.len() - before
@@ -197,8 +197,13 @@ impl<'a> Builder<'a> {
         self.quadrics[u].merge(&moved);
         self.deviations[u] = star.deviation;
         self.stale[u] = true;
+        // Of the neighbours, those whose best collapse went into either vertex or went with the faces.
         for r in self.mesh.one_ring(c.kept) {
-            self.stale[r.index()] = true;
+            let r = r.index();
+            self.stale[r] |= self.candidates[r].is_none_or(|best| {
+                !self.mesh.has_face(best.half_edge.face())
+                    || self.mesh.end(best.half_edge) == c.kept
+            });
         }
         self.records.push(CollapseRecord::new(c, star));
     }
