@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::time::{Duration, Instant};
 
 use crate::front::{Front, SplitBlocked, slot_of};
 use crate::{Node, NodeId, NodeStore};
@@ -48,6 +49,10 @@ pub struct UpdateStats {
     pub damaged: usize,
     /// Nodes that are finer than they need to be and were not collapsed, because a neighbour holds them.
     pub held: usize,
+    /// Time spent testing the front as it was.
+    pub test_time: Duration,
+    /// Time spent on splits and collapses and the tests of what they brought up; requests for nodes included.
+    pub update_time: Duration,
 }
 
 /// A node with its error, the largest first; ties by id, so that the result does not depend on chance.
@@ -87,8 +92,15 @@ impl Front {
         error: impl Fn(&Node) -> f32,
         limits: &UpdateLimits,
     ) -> UpdateStats {
-        let mut update =
-            Update { front: self, store, error, limits, stats: UpdateStats::default() };
+        let mut update = Update {
+            front: self,
+            store,
+            error,
+            limits,
+            stats: UpdateStats::default(),
+            coarse: BinaryHeap::new(),
+            absent: Vec::new(),
+        };
         update.coarsen();
         update.refine();
         update.stats
@@ -102,16 +114,22 @@ struct Update<'a, S, E> {
     error: E,
     limits: &'a UpdateLimits,
     stats: UpdateStats,
+    /// Nodes that are not split and should be.
+    coarse: BinaryHeap<Candidate>,
+    /// Nodes that are not resident and may have to be split, with the error of their parent.
+    absent: Vec<Candidate>,
 }
 
 impl<S: NodeStore, E: Fn(&Node) -> f32> Update<'_, S, E> {
     fn coarsen(&mut self) {
+        let begin = Instant::now();
         // The finest first, as the build did: then what holds a node is gone before its turn.
-        let mut queue: BinaryHeap<Reverse<(u32, NodeId)>> = BinaryHeap::new();
+        let mut fine: BinaryHeap<Reverse<(u32, NodeId)>> = BinaryHeap::new();
         for index in 0..self.front.slots.len() {
-            queue.extend(self.too_fine(index).map(Reverse));
+            fine.extend(self.too_fine(index).map(Reverse));
         }
-        while let Some(Reverse((_, id))) = queue.pop() {
+        let tested = Instant::now();
+        while let Some(Reverse((_, id))) = fine.pop() {
             if self.front.collapse(self.store, id).is_err() {
                 self.stats.held += 1;
                 continue;
@@ -119,9 +137,11 @@ impl<S: NodeStore, E: Fn(&Node) -> f32> Update<'_, S, E> {
             self.stats.collapses += 1;
             let parent = self.store.node(id).and_then(|node| node.parent);
             if let Some(slot) = parent.and_then(|parent| slot_of(self.store, parent)) {
-                queue.extend(self.too_fine(slot.index()).map(Reverse));
+                fine.extend(self.too_fine(slot.index()).map(Reverse));
             }
         }
+        self.stats.test_time += tested - begin;
+        self.stats.update_time += tested.elapsed();
     }
 
     /// The node of a slot with its order, if it could be collapsed and should.
@@ -135,18 +155,21 @@ impl<S: NodeStore, E: Fn(&Node) -> f32> Update<'_, S, E> {
     }
 
     fn refine(&mut self) {
-        let mut queue = BinaryHeap::new();
-        let roots: Vec<NodeId> = self.store.base().roots().collect();
-        for root in roots {
-            self.consider(root, f32::INFINITY, &mut queue);
+        let begin = Instant::now();
+        for index in 0..self.store.base().vertices.len() {
+            if let Some(root) = self.store.base().vertices[index].root {
+                self.consider(root, f32::INFINITY);
+            }
         }
         for index in 0..self.front.slots.len() {
             if let Some(id) = self.front.slots[index].node {
-                self.consider_children(id, &mut queue);
+                self.consider_children(id);
             }
         }
+        let tested = Instant::now();
+        self.request_absent();
         while self.front.num_triangles() < self.limits.max_triangles
-            && let Some(Candidate { error: urgency, id }) = queue.pop()
+            && let Some(Candidate { error: urgency, id }) = self.coarse.pop()
         {
             match self.front.split(self.store, id, urgency) {
                 Ok(()) => {}
@@ -156,37 +179,54 @@ impl<S: NodeStore, E: Fn(&Node) -> f32> Update<'_, S, E> {
             let just_split = std::mem::take(&mut self.front.just_split);
             self.stats.splits += just_split.len();
             for &id in &just_split {
-                self.consider_children(id, &mut queue);
+                self.consider_children(id);
             }
             self.front.just_split = just_split;
+            self.request_absent();
         }
+        self.stats.test_time += tested - begin;
+        self.stats.update_time += tested.elapsed();
     }
 
-    fn consider_children(&mut self, parent: NodeId, queue: &mut BinaryHeap<Candidate>) {
-        let Some(node) = self.store.node(parent).copied() else { return };
-        // What a child that is not resident would show is not worse than what its parent would.
-        let urgency = (self.error)(&node);
+    fn consider_children(&mut self, parent: NodeId) {
+        let Some(&node) = self.store.node(parent) else { return };
         for child in node.children() {
-            self.consider(child, urgency, queue);
+            // What a child would show that is not resident is no worse than what its parent does.
+            let urgency = if self.store.node(child).is_some() { 0.0 } else { (self.error)(&node) };
+            self.consider(child, urgency);
         }
     }
 
-    /// Queues a node that is not split and should be; requests it where it is not resident and might be.
-    fn consider(&mut self, id: NodeId, urgency: f32, queue: &mut BinaryHeap<Candidate>) {
-        if self.store.node(id).is_none() {
-            if urgency <= self.limits.tolerance {
-                return;
+    /// Notes a node that is not split and should be, or that is not resident and might have to be.
+    fn consider(&mut self, id: NodeId, urgency: f32) {
+        match self.store.node(id) {
+            Some(node) if node.slot.is_some() => {}
+            Some(node) => {
+                self.stats.tests += 1;
+                let error = (self.error)(node);
+                if error > self.limits.tolerance {
+                    self.coarse.push(Candidate { error, id });
+                }
             }
-            if !self.store.request(id, urgency) {
+            None if urgency > self.limits.tolerance => {
+                self.absent.push(Candidate { error: urgency, id });
+            }
+            None => {}
+        }
+    }
+
+    /// Requests what is not resident, the most urgent first.
+    fn request_absent(&mut self) {
+        let mut absent = std::mem::take(&mut self.absent);
+        absent.sort_unstable_by(|a, b| b.cmp(a));
+        for &Candidate { error: urgency, id } in &absent {
+            if self.store.request(id, urgency) {
+                self.consider(id, 0.0);
+            } else {
                 self.stats.waiting += 1;
-                return;
             }
         }
-        let Some(node) = self.store.node(id).filter(|node| node.slot.is_none()) else { return };
-        self.stats.tests += 1;
-        let error = (self.error)(node);
-        if error > self.limits.tolerance {
-            queue.push(Candidate { error, id });
-        }
+        absent.clear();
+        self.absent = absent;
     }
 }
