@@ -1,0 +1,357 @@
+//! Whether a file is what it should be: every checksum, link, bound and count.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::Vec3;
+use halfedge::HalfEdgeMesh;
+use mergetree::{HalfEdgeName, Node, NodeId};
+
+use crate::bounds::{cone_holds, enclosing_angle, enclosing_radius};
+use crate::error::{Error, Place};
+use crate::numbering::{BlockId, Numbering, slots_of};
+use crate::page::{Block, Page};
+use crate::reader::XfmFile;
+
+/// Something wrong in a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Problem {
+    /// Where.
+    pub place: Place,
+    /// What.
+    pub message: String,
+}
+
+/// What is wrong in a file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Report {
+    /// The problems found, the first [`Report::MAX_ERRORS`] of them.
+    pub errors: Vec<Problem>,
+    /// How many more there are.
+    pub more: usize,
+}
+
+impl Report {
+    /// So many problems are described; the rest is counted.
+    pub const MAX_ERRORS: usize = 1000;
+
+    /// Whether nothing is wrong.
+    pub fn is_ok(&self) -> bool {
+        self.errors.is_empty()
+    }
+
+    fn add(&mut self, place: Place, message: impl Into<String>) {
+        if self.errors.len() < Self::MAX_ERRORS {
+            self.errors.push(Problem { place, message: message.into() });
+        } else {
+            self.more += 1;
+        }
+    }
+}
+
+/// How far verification has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Progress {
+    /// Pages done, of both passes.
+    pub done: usize,
+    /// Pages to be done.
+    pub total: usize,
+}
+
+/// Checks everything about a file that could be opened.
+///
+/// Finds any page with a wrong checksum, every link that leads nowhere or is not returned, nodes that no root leads to or
+/// that hang in two places, children that come after their parent in the order of collapses or lie outside its bounds,
+/// half-edges named that are not there or not of a later collapse, a coarsest mesh that is no manifold, and counts that are
+/// not the header's. What hangs below a page that cannot be read is not held against it.
+///
+/// # Complexity
+/// Reads every page twice. Memory: 4 bytes per node, 8 per block, and one node per block that hangs under another page
+/// and is yet to come.
+pub fn verify(file: &XfmFile, mut on_progress: impl FnMut(Progress)) -> Report {
+    let mut verifier = Verifier::new(file);
+    verifier.base();
+    let pages = file.num_pages();
+    for pass in [Pass::Trees, Pass::HalfEdges] {
+        let mut page = Page::new();
+        let mut reader = match file.page_reader() {
+            Ok(reader) => reader,
+            Err(why) => {
+                verifier.report.add(Place::File, why.to_string());
+                return verifier.report;
+            }
+        };
+        for number in 0..pages {
+            let read = file.read_page_into(number, &mut reader, &mut page);
+            match (pass, read) {
+                (Pass::Trees, Ok(())) => verifier.page(&page),
+                (Pass::Trees, Err(why)) => verifier.unreadable(number, &why),
+                (Pass::HalfEdges, Ok(())) => verifier.half_edges(&page),
+                // Said in the first pass.
+                (Pass::HalfEdges, Err(_)) => {}
+            }
+            let before = if pass == Pass::Trees { 0 } else { pages };
+            on_progress(Progress { done: before + number + 1, total: 2 * pages });
+        }
+        if pass == Pass::Trees {
+            verifier.trees_end();
+        }
+    }
+    verifier.report
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Pass {
+    Trees,
+    HalfEdges,
+}
+
+/// What a block must be that another one names as its child.
+struct Expected {
+    parent: NodeId,
+    node: Node,
+    depth: u64,
+}
+
+struct Verifier<'a> {
+    file: &'a XfmFile,
+    numbering: Numbering,
+    report: Report,
+    /// Per block its mask, or `None` where the page cannot be read, and where its nodes begin in `orders`.
+    blocks: Vec<(Option<u32>, u32)>,
+    /// Order of every node; the highest bit says whether it has a second face.
+    orders: Vec<u32>,
+    order_seen: Vec<u64>,
+    expected: BTreeMap<BlockId, Expected>,
+    roots: BTreeSet<NodeId>,
+    unreadable_pages: usize,
+    depth: u64,
+    triangles: u64,
+    bounds: Option<[Vec3; 2]>,
+}
+
+const SECOND_FACE: u32 = 1 << 31;
+
+impl<'a> Verifier<'a> {
+    fn new(file: &'a XfmFile) -> Self {
+        let header = file.header();
+        Self {
+            file,
+            numbering: file.numbering(),
+            report: Report::default(),
+            blocks: Vec::with_capacity(file.num_blocks()),
+            orders: Vec::with_capacity(header.nodes as usize),
+            order_seen: vec![0; header.nodes.div_ceil(64) as usize],
+            expected: BTreeMap::new(),
+            roots: file.base().roots().collect(),
+            unreadable_pages: 0,
+            depth: 0,
+            triangles: header.base_faces,
+            bounds: None,
+        }
+    }
+
+    fn base(&mut self) {
+        let base = self.file.base();
+        if let Err(why) = HalfEdgeMesh::from_triangles(base.vertices.len(), &base.faces) {
+            self.report.add(Place::Base, why.to_string());
+        }
+        if self.roots.len() != base.roots().count() {
+            self.report.add(Place::Roots, "two vertices have the same tree");
+        }
+        for vertex in &base.vertices {
+            self.include(vertex.position);
+        }
+    }
+
+    fn include(&mut self, p: Vec3) {
+        self.bounds = Some(self.bounds.map_or([p; 2], |[min, max]| [min.min(p), max.max(p)]));
+    }
+
+    fn unreadable(&mut self, number: usize, why: &Error) {
+        let (place, message) = match why {
+            Error::Invalid { place, message, .. } => (*place, message.clone()),
+            other => (Place::Page(number as u64), other.to_string()),
+        };
+        self.report.add(place, message);
+        self.unreadable_pages += 1;
+        let (blocks, nodes) = self.file.page_counts(number).unwrap_or_default();
+        for _ in 0..blocks {
+            self.blocks.push((None, self.orders.len() as u32));
+        }
+        self.orders.extend(std::iter::repeat_n(0, nodes));
+    }
+
+    fn page(&mut self, page: &Page) {
+        for block in page.blocks() {
+            self.blocks.push((Some(block.mask), self.orders.len() as u32));
+            let above = self.link(&block);
+            for (slot, node) in slots_of(block.mask).zip(block.nodes) {
+                self.node(&block, slot, node, above);
+            }
+        }
+    }
+
+    /// Checks that a block hangs where it says it does; returns how many levels are above it.
+    fn link(&mut self, block: &Block<'_>) -> u64 {
+        let place = Place::Block(block.id.get().into());
+        let Some(parent) = block.parent else {
+            if !self.roots.remove(&self.numbering.node(block.id, 0)) {
+                self.report.add(place, "has no parent and is not in the root list");
+            }
+            if self.expected.remove(&block.id).is_some() {
+                self.report.add(place, "is named as a child and has no parent");
+            }
+            return 0;
+        };
+        match self.expected.remove(&block.id) {
+            Some(expected) if expected.parent == parent => {
+                self.enclosed(
+                    Place::Node(self.numbering.node(block.id, 0).get().into()),
+                    &expected.node,
+                    &block.nodes[0],
+                );
+                return expected.depth;
+            }
+            Some(expected) => {
+                let message =
+                    format!("hangs under node {parent}, but node {} names it", expected.parent);
+                self.report.add(place, message);
+            }
+            None => {
+                let parent_block = self.blocks.get(self.numbering.block(parent).index());
+                if parent_block.is_some_and(|(mask, _)| mask.is_some()) {
+                    let message = format!("hangs under node {parent}, which does not name it");
+                    self.report.add(place, message);
+                }
+            }
+        }
+        0
+    }
+
+    fn node(&mut self, block: &Block<'_>, slot: u32, node: &Node, above: u64) {
+        let id = self.numbering.node(block.id, slot);
+        let place = Place::Node(id.get().into());
+        let depth = above + u64::from((slot + 1).ilog2()) + 1;
+        self.depth = self.depth.max(depth);
+        self.triangles += node.num_faces() as u64;
+        self.include(node.position);
+        let second_face = if node.has_second_face() { SECOND_FACE } else { 0 };
+        self.orders.push(node.order | second_face);
+        let word = &mut self.order_seen[node.order as usize / 64];
+        if *word >> (node.order % 64) & 1 == 1 {
+            self.report.add(place, format!("has order {}, as another node", node.order));
+        }
+        *word |= 1 << (node.order % 64);
+        if !node.has_second_face() && node.adjacent[3].is_some() {
+            self.report.add(place, "has a half-edge z and no y");
+        }
+        for child in node.children() {
+            let child_block = self.numbering.block(child);
+            if child_block == block.id {
+                if let Some(child_node) = block.node(self.numbering.slot(child)) {
+                    self.enclosed(Place::Node(child.get().into()), node, child_node);
+                }
+            } else {
+                let expected = Expected { parent: id, node: *node, depth };
+                if let Some(other) = self.expected.insert(child_block, expected) {
+                    let message = format!("is a child of node {} and of node {id}", other.parent);
+                    self.report.add(Place::Block(child_block.get().into()), message);
+                }
+            }
+        }
+    }
+
+    /// Checks the order and the bounds of a child against its parent's.
+    fn enclosed(&mut self, place: Place, parent: &Node, child: &Node) {
+        if child.order >= parent.order {
+            let message = format!("has order {}, its parent {}", child.order, parent.order);
+            self.report.add(place, message);
+        }
+        if enclosing_radius(parent, child, child.radius) > f64::from(parent.radius) {
+            self.report.add(place, "has a sphere that reaches outside its parent's");
+        }
+        if child.deviation > parent.deviation {
+            self.report.add(place, "has a larger deviation than its parent");
+        }
+        if !cone_holds(parent.cone_sine, enclosing_angle(parent, child, child.cone_sine)) {
+            self.report.add(place, "has a cone that reaches outside its parent's");
+        }
+    }
+
+    /// What can be said once all pages were seen.
+    fn trees_end(&mut self) {
+        for (block, expected) in std::mem::take(&mut self.expected) {
+            if self.blocks.get(block.index()).is_some_and(|(mask, _)| mask.is_some()) {
+                let message =
+                    format!("is named by node {} and does not follow it", expected.parent);
+                self.report.add(Place::Block(block.get().into()), message);
+            }
+        }
+        for root in std::mem::take(&mut self.roots) {
+            if self
+                .blocks
+                .get(self.numbering.block(root).index())
+                .is_some_and(|(mask, _)| mask.is_some())
+            {
+                self.report.add(Place::Roots, format!("node {root} is no root"));
+            }
+        }
+        if self.unreadable_pages > 0 {
+            return;
+        }
+        let header = self.file.header();
+        for (name, stated, found) in [
+            ("input triangles", header.input_triangles, self.triangles),
+            ("levels of the deepest tree", header.tree_depth, self.depth),
+        ] {
+            if stated != found {
+                self.report.add(Place::Header, format!("says {stated} {name}, there are {found}"));
+            }
+        }
+        let [min, max] = self.bounds.unwrap_or_default();
+        if header.bounds != [min, max] {
+            self.report.add(Place::Header, "the bounding box is not that of the vertices");
+        }
+    }
+
+    fn half_edges(&mut self, page: &Page) {
+        let names = self.file.base().names();
+        for block in page.blocks() {
+            for (slot, node) in slots_of(block.mask).zip(block.nodes) {
+                let id = self.numbering.node(block.id, slot);
+                for (name, adjacent) in ["w", "x", "y", "z"].into_iter().zip(node.adjacent) {
+                    let Some(HalfEdgeName::Node(target, k)) = adjacent.map(|h| names.resolve(h))
+                    else {
+                        continue;
+                    };
+                    if let Err(message) = self.target(target, k, node.order) {
+                        self.report.add(Place::Node(id.get().into()), format!("{name} {message}"));
+                    }
+                }
+            }
+        }
+    }
+
+    /// That a half-edge named by a node is there, and comes with a split that goes before the node's.
+    fn target(&self, target: NodeId, k: u32, order: u32) -> Result<(), String> {
+        let (mask, first) =
+            self.blocks.get(self.numbering.block(target).index()).copied().unwrap_or((Some(0), 0));
+        let Some(mask) = mask else { return Ok(()) };
+        let Some(rank) = Numbering::rank(mask, self.numbering.slot(target)) else {
+            return Err(format!("names a half-edge of node {target}, which is not there"));
+        };
+        let stored = self.orders.get(first as usize + rank).copied().unwrap_or_default();
+        if k >= 3 && stored & SECOND_FACE == 0 {
+            return Err(format!(
+                "names a half-edge of the second face of node {target}, which has one"
+            ));
+        }
+        if stored & !SECOND_FACE <= order {
+            return Err(format!("names a half-edge of node {target}, which was collapsed before"));
+        }
+        Ok(())
+    }
+}

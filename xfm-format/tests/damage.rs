@@ -1,0 +1,365 @@
+//! Files that are cut, flipped, forged: always an error that says what, never a panic, never much memory.
+
+mod common;
+
+use std::io;
+
+use common::{Random, collapse, sheet, torus};
+use mergetree::Forest;
+use proptest::prelude::*;
+use xfm_format::{Error, Place, Storage, WriteOptions, XfmFile, verify, write};
+
+fn bytes_of(forest: &Forest, levels: u32) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.xfm");
+    let mut options = WriteOptions::default();
+    options.levels = levels;
+    options.page_nodes = 64;
+    write(forest, &path, &options).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+fn open(bytes: &[u8]) -> Result<XfmFile, Error> {
+    XfmFile::from_storage(Box::new(bytes.to_vec()), "x.xfm")
+}
+
+fn u64_at(bytes: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
+}
+
+fn set_u32(bytes: &mut [u8], at: usize, value: u32) {
+    bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+}
+
+/// Where the sections' offsets stand in the header.
+const BASE: usize = 120;
+const ROOTS: usize = 144;
+const PAGES: usize = 168;
+const INDEX: usize = 192;
+
+fn section(bytes: &[u8], field: usize) -> std::ops::Range<usize> {
+    let start = u64_at(bytes, field) as usize;
+    start..start + u64_at(bytes, field + 8) as usize
+}
+
+/// Makes all checksums right again, as a forger would.
+fn forge(bytes: &mut [u8]) {
+    let header_len = u32_at(bytes, 12) as usize;
+    let crc = |parts: &[&[u8]]| crc32fast::hash(&parts.concat());
+    let index = section(bytes, INDEX);
+    for (number, entry) in index.clone().step_by(32).enumerate() {
+        let start = u64_at(bytes, entry + 8) as usize;
+        let end = start + u32_at(bytes, entry + 16) as usize;
+        if let Some(page) = bytes.get(start..end) {
+            let sum = crc(&[b"P", &(number as u64).to_le_bytes(), page]);
+            set_u32(bytes, entry + 28, sum);
+        }
+    }
+    for (field, tag) in [(BASE, b"B"), (ROOTS, b"R"), (INDEX, b"I")] {
+        let sum = crc(&[tag, &bytes[section(bytes, field)]]);
+        set_u32(bytes, field + 16, sum);
+    }
+    forge_header(bytes, header_len);
+}
+
+fn forge_header(bytes: &mut [u8], header_len: usize) {
+    let sum = crc32fast::hash(&bytes[..header_len - 4]);
+    set_u32(bytes, header_len - 4, sum);
+}
+
+#[test]
+fn every_truncation_is_found() {
+    let bytes = bytes_of(&collapse(&sheet(8), 400, 1), 3);
+    for end in 0..bytes.len() {
+        let error = open(&bytes[..end]).unwrap_err();
+        assert!(matches!(error, Error::Truncated { .. }), "{end}: {error}");
+        assert!(error.to_string().starts_with("x.xfm: "));
+    }
+}
+
+#[test]
+fn a_byte_too_many_is_found() {
+    let mut bytes = bytes_of(&collapse(&sheet(4), 100, 1), 3);
+    bytes.push(0);
+    let error = open(&bytes).unwrap_err();
+    assert!(matches!(error, Error::TrailingBytes { .. }), "{error}");
+}
+
+#[test]
+fn every_flipped_bit_is_found() {
+    let forest = collapse(&sheet(7), 300, 5);
+    let bytes = bytes_of(&forest, 2);
+    assert!(bytes.len() < 6000, "{} bytes would take long", bytes.len());
+    assert!(verify(&open(&bytes).unwrap(), |_| {}).is_ok());
+    let index = section(&bytes, INDEX);
+    for bit in 0..8 * bytes.len() {
+        let mut flipped = bytes.clone();
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        let Ok(file) = open(&flipped) else { continue };
+        let errors = verify(&file, |_| {}).errors;
+        let pages = section(&bytes, PAGES);
+        assert!(pages.contains(&(bit / 8)), "bit {bit} is not covered: {errors:?}");
+        let page = index
+            .clone()
+            .step_by(32)
+            .rposition(|entry| u64_at(&bytes, entry + 8) as usize <= bit / 8)
+            .unwrap();
+        assert_eq!(errors.len(), 1, "bit {bit}: {errors:?}");
+        assert_eq!(errors[0].place, Place::Page(page as u64), "bit {bit}");
+    }
+}
+
+#[test]
+fn pages_that_change_places_are_found() {
+    let forest = collapse(&torus(20), 3000, 5);
+    let bytes = bytes_of(&forest, 2);
+    let index = section(&bytes, INDEX);
+    let page = |number: usize| {
+        let entry = index.start + 32 * number;
+        let start = u64_at(&bytes, entry + 8) as usize;
+        start..start + u32_at(&bytes, entry + 16) as usize
+    };
+    // Page 1 in place of page 0: same bytes and checksum, lengths adjusted by exchanging all of their entries but places.
+    let mut swapped = bytes.clone();
+    let (first, second) = (page(0), page(1));
+    let both = [&bytes[second.clone()], &bytes[first.clone()]].concat();
+    swapped[first.start..second.end].copy_from_slice(&both);
+    let (a, b) = (index.start, index.start + 32);
+    for at in 16..32 {
+        swapped.swap(a + at, b + at);
+    }
+    let blocks = u64::from(u32_at(&swapped, a + 20));
+    swapped[b..b + 8].copy_from_slice(&blocks.to_le_bytes());
+    let offset = first.start as u64 + second.len() as u64;
+    swapped[b + 8..b + 16].copy_from_slice(&offset.to_le_bytes());
+    let sum = crc32fast::hash(&[b"I", &swapped[index.clone()]].concat());
+    set_u32(&mut swapped, INDEX + 16, sum);
+    let header_len = u32_at(&swapped, 12) as usize;
+    forge_header(&mut swapped, header_len);
+    let file = open(&swapped).unwrap();
+    for number in [0, 1] {
+        let error = file.read_page(number).unwrap_err();
+        assert!(matches!(error, Error::Checksum { .. }), "{error}");
+    }
+}
+
+/// Sets a field of the header, with the checksum made right, and says what the reader says.
+fn with_header(change: impl FnOnce(&mut Vec<u8>)) -> Error {
+    let mut bytes = bytes_of(&collapse(&sheet(6), 200, 2), 4);
+    let header_len = u32_at(&bytes, 12) as usize;
+    change(&mut bytes);
+    forge_header(&mut bytes, header_len);
+    open(&bytes).unwrap_err()
+}
+
+#[test]
+fn fields_of_the_header_are_refused_by_name() {
+    let error = with_header(|bytes| bytes[0] = b'x');
+    assert!(matches!(error, Error::NotXfm { .. }), "{error}");
+    let error = with_header(|bytes| bytes[8] = 2);
+    assert!(matches!(error, Error::UnsupportedVersion { found: 2, supported: 1, .. }), "{error}");
+    let error = with_header(|bytes| bytes[16] = 4);
+    assert!(matches!(error, Error::UnsupportedFeatures { flags: 4, .. }), "{error}");
+    let error = with_header(|bytes| bytes[24] = 9);
+    assert!(matches!(error, Error::UnsupportedEncoding { found: 9, .. }), "{error}");
+    let error = with_header(|bytes| bytes[31] = 1);
+    assert!(error.to_string().contains("reserved"), "{error}");
+    let error = with_header(|bytes| bytes[12] = 1);
+    assert!(error.to_string().contains("a length of"), "{error}");
+    for (at, message) in [
+        (25, "levels per block"),
+        (26, "attributes in"),
+        (32 + 1, "input triangles"),
+        (40 + 1, "nodes in"),
+        (48 + 1, "nodes in"),
+        (56, "pages in an index"),
+        (72 + 4, "claim to hold"),
+        (64 + 4, "claim to hold"),
+        (80 + 1, "roots for"),
+        (88 + 1, "a depth of"),
+        (96 + 3, "bounding box"),
+        (BASE, "coarsest mesh at byte"),
+        (BASE + 8, "root list at byte"),
+        (BASE + 20, "reserved"),
+        (ROOTS, "root list at byte"),
+        (ROOTS + 8, "pages at byte"),
+        (PAGES, "pages at byte"),
+        (PAGES + 8, "page index at byte"),
+        (PAGES + 16, "checksum of all pages"),
+        (INDEX, "page index at byte"),
+        (INDEX + 8, "bytes of file"),
+        (216, "bytes of file"),
+        (224, "reserved"),
+        (256, "attributes do not begin"),
+        (256 + 30, "reserved"),
+    ] {
+        let error = with_header(|bytes| bytes[at] ^= 0x7f);
+        assert!(
+            matches!(&error, Error::Invalid { place: Place::Header, message: m, .. } if m.contains(message)),
+            "byte {at}: {error}"
+        );
+    }
+    for at in [BASE + 16, ROOTS + 16, INDEX + 16] {
+        let error = with_header(|bytes| bytes[at] ^= 1);
+        assert!(matches!(error, Error::Checksum { .. }), "byte {at}: {error}");
+    }
+}
+
+#[test]
+fn every_byte_of_the_header_is_under_its_checksum() {
+    let bytes = bytes_of(&collapse(&sheet(6), 200, 2), 4);
+    for at in 16..u32_at(&bytes, 12) as usize {
+        let mut changed = bytes.clone();
+        changed[at] ^= 0x20;
+        let error = open(&changed).unwrap_err();
+        assert!(matches!(error, Error::Checksum { place: Place::Header, .. }), "{at}: {error}");
+    }
+}
+
+#[test]
+fn hostile_counts_do_not_allocate() {
+    let valid = bytes_of(&collapse(&sheet(6), 200, 2), 4);
+    for field in (32..96).step_by(8) {
+        for value in [1 << 20, 1 << 33, 1 << 40, u64::MAX / 2, u64::MAX] {
+            let mut bytes = valid.clone();
+            bytes[field..field + 8].copy_from_slice(&value.to_le_bytes());
+            forge(&mut bytes);
+            assert!(open(&bytes).is_err(), "field {field} of {value}");
+        }
+    }
+}
+
+#[test]
+fn attributes_and_features_of_later_writers_are_read_over() {
+    let forest = collapse(&sheet(6), 200, 2);
+    let valid = bytes_of(&forest, 4);
+    let mut bytes = valid.clone();
+    bytes[16 + 4] = 1;
+    let header_len = u32_at(&bytes, 12) as usize;
+    forge_header(&mut bytes, header_len);
+    assert_eq!(open(&bytes).unwrap().header().features, 1 << 32);
+
+    // One more attribute of one component: a column at the end of every page, here of width 0.
+    let pages = section(&valid, PAGES);
+    let index = section(&valid, INDEX);
+    let mut bytes = valid[..header_len - 4].to_vec();
+    bytes.extend(b"colour\0\0\0\0\0\0\0\0\0\0sRGB\0\0\0\0\0\0\0\0\x37\x01\0\0");
+    bytes.extend([0; 4]);
+    bytes.extend(&valid[header_len..pages.start]);
+    let mut entries = Vec::new();
+    for entry in index.step_by(32) {
+        let start = u64_at(&valid, entry + 8) as usize;
+        let length = u32_at(&valid, entry + 16);
+        let mut changed = valid[entry..entry + 32].to_vec();
+        changed[8..16].copy_from_slice(&(bytes.len() as u64).to_le_bytes());
+        set_u32(&mut changed, 16, length + 1);
+        entries.extend(changed);
+        bytes.extend(&valid[start..start + length as usize]);
+        bytes.push(0);
+    }
+    let index_start = bytes.len() as u64;
+    let extra_pages = entries.len() as u64 / 32;
+    bytes.extend(entries);
+    set_u32(&mut bytes, 12, header_len as u32 + 32);
+    bytes[26] += 1;
+    for field in [BASE, ROOTS, PAGES] {
+        let moved = u64_at(&bytes, field) + 32;
+        bytes[field..field + 8].copy_from_slice(&moved.to_le_bytes());
+    }
+    let pages_length = u64_at(&bytes, PAGES + 8) + extra_pages;
+    bytes[PAGES + 8..PAGES + 16].copy_from_slice(&pages_length.to_le_bytes());
+    bytes[INDEX..INDEX + 8].copy_from_slice(&index_start.to_le_bytes());
+    let len = bytes.len() as u64;
+    bytes[216..224].copy_from_slice(&len.to_le_bytes());
+    forge(&mut bytes);
+    let file = open(&bytes).unwrap();
+    assert_eq!(file.header().attributes[5].name, "colour");
+    assert!(verify(&file, |_| {}).is_ok());
+    let original = open(&valid).unwrap().read_forest().unwrap();
+    assert_eq!(file.read_forest().unwrap(), original);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn forged_files_never_panic(seed in any::<u64>(), changes in 1usize..6, levels in 1u32..=5) {
+        let mut bytes = bytes_of(&collapse(&torus(9), 500, seed % 4), levels);
+        let mut random = Random(seed);
+        let header_len = u32_at(&bytes, 12) as usize;
+        for _ in 0..changes {
+            // Now and then a field of the header.
+            let at = match random.below(8) {
+                0 => 24 + random.below(200),
+                _ => header_len + random.below(bytes.len() - header_len),
+            };
+            bytes[at] = match random.below(3) {
+                0 => random.next() as u8,
+                1 => 0xff,
+                _ => bytes[at] ^ 1 << random.below(8),
+            };
+        }
+        if !(BASE..=INDEX).step_by(24).all(|field| {
+            u64_at(&bytes, field).checked_add(u64_at(&bytes, field + 8)).is_some_and(|end| end <= bytes.len() as u64)
+        }) {
+            forge_header(&mut bytes, header_len);
+            prop_assert!(open(&bytes).is_err());
+            return Ok(());
+        }
+        forge(&mut bytes);
+        if let Ok(file) = open(&bytes) {
+            let report = verify(&file, |_| {});
+            let forest = file.read_forest();
+            if report.is_ok() {
+                prop_assert!(forest.is_ok());
+            }
+        }
+    }
+}
+
+/// Fails, or ends, after so many bytes; gives them in pieces.
+struct Unreliable {
+    bytes: Vec<u8>,
+    piece: usize,
+    end: u64,
+    kind: Option<io::ErrorKind>,
+}
+
+impl Storage for Unreliable {
+    fn len(&self) -> io::Result<u64> {
+        Ok(self.bytes.len() as u64)
+    }
+
+    fn read_at(&self, offset: u64, buffer: &mut [u8]) -> io::Result<usize> {
+        if offset >= self.end {
+            return match self.kind {
+                Some(kind) => Err(kind.into()),
+                None => Ok(0),
+            };
+        }
+        let count = self.piece.min(buffer.len()).min((self.end - offset) as usize);
+        self.bytes.read_at(offset, &mut buffer[..count])
+    }
+}
+
+#[test]
+fn storage_that_fails_or_gives_little_at_a_time_is_borne() {
+    let bytes = bytes_of(&collapse(&sheet(8), 400, 1), 3);
+    let open = |piece, end, kind| {
+        let storage = Unreliable { bytes: bytes.clone(), piece, end, kind };
+        XfmFile::from_storage(Box::new(storage), "x.xfm")
+    };
+    let all = bytes.len() as u64;
+    assert!(verify(&open(1, all, None).unwrap(), |_| {}).is_ok());
+    assert!(verify(&open(7, all, None).unwrap(), |_| {}).is_ok());
+    for end in (0..all).step_by(5) {
+        let error = open(64, end, Some(io::ErrorKind::PermissionDenied)).unwrap_err();
+        assert!(matches!(error, Error::Io { action: "read", .. }), "{error}");
+        let error = open(64, end, None).unwrap_err();
+        assert!(matches!(error, Error::Truncated { .. }), "{error}");
+    }
+}

@@ -1,0 +1,194 @@
+//! What is written comes back.
+
+mod common;
+
+use common::{Soup, collapse, sheet, torus, unnumbered};
+use mergetree::Forest;
+use proptest::prelude::*;
+use xfm_format::{BlockId, Error, Numbering, WriteOptions, XfmFile, verify, write};
+
+fn options(levels: u32, page_nodes: usize) -> WriteOptions {
+    let mut options = WriteOptions::default();
+    options.levels = levels;
+    options.page_nodes = page_nodes;
+    options
+}
+
+fn check(forest: &Forest, options: &WriteOptions) -> Result<(), TestCaseError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("forest.xfm");
+    let report = write(forest, &path, options).unwrap();
+    let file = XfmFile::open(&path).unwrap();
+    let header = file.header();
+    prop_assert_eq!(header.nodes, forest.nodes.len() as u64);
+    prop_assert_eq!(header.input_triangles, forest.num_input_faces() as u64);
+    prop_assert_eq!(header.tree_depth, forest.depth() as u64);
+    prop_assert_eq!(header.fill(), report.fill);
+    prop_assert_eq!(report.file_bytes, std::fs::metadata(&path).unwrap().len());
+    prop_assert_eq!(report.bytes.total(), report.file_bytes);
+    prop_assert_eq!(file.field_bytes().unwrap(), report.bytes);
+    let verified = verify(&file, |_| {});
+    prop_assert!(verified.is_ok(), "{:?}", verified.errors);
+
+    let back = file.read_forest().unwrap();
+    prop_assert_eq!(unnumbered(&back), unnumbered(forest));
+    let mut by_order: Vec<_> = forest.nodes.iter().collect();
+    by_order.sort_by_key(|node| node.order);
+    for node in &back.nodes {
+        let original = by_order[node.order as usize];
+        prop_assert!(node.radius >= original.radius && node.radius < original.radius * 1.3);
+        prop_assert!(node.cone_sine >= original.cone_sine);
+        prop_assert!(node.deviation >= original.deviation);
+        prop_assert!(node.deviation <= original.deviation * 1.004);
+    }
+
+    // Pages hold the blocks that the index says, and nodes know their place.
+    let numbering = file.numbering();
+    let mut next = 0;
+    for number in 0..file.num_pages() {
+        let page = file.read_page(number).unwrap();
+        for block in page.blocks() {
+            prop_assert_eq!(block.id, BlockId::new(next));
+            prop_assert_eq!(file.block_page(block.id), Some(number));
+            prop_assert_eq!(page.block(block.id), Some(block));
+            let first = block.node(0).unwrap();
+            prop_assert_eq!(first.parent, block.parent);
+            for slot in 0..32 {
+                prop_assert_eq!(
+                    block.node(slot).is_some(),
+                    Numbering::rank(block.mask, slot).is_some()
+                );
+            }
+            next += 1;
+        }
+        prop_assert!(page.nodes().len() <= options.page_nodes);
+    }
+    prop_assert_eq!(file.block_page(BlockId::new(next)), None);
+    prop_assert_eq!(numbering.levels(), options.levels);
+
+    // Writing what was read gives the same bytes.
+    let again = folder.path().join("again.xfm");
+    write(&back, &again, options).unwrap();
+    prop_assert!(std::fs::read(&path).unwrap() == std::fs::read(&again).unwrap());
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn a_forest_comes_back_equal_up_to_numbering(
+        open in any::<bool>(),
+        size in 3u32..24,
+        tries in 0usize..4000,
+        seed in any::<u64>(),
+        levels in 1u32..=5,
+        page_nodes in 64usize..300,
+    ) {
+        let soup: Soup = if open { sheet(size) } else { torus(size) };
+        check(&collapse(&soup, tries, seed), &options(levels, page_nodes))?;
+    }
+}
+
+#[test]
+fn an_empty_forest_comes_back() {
+    check(&Forest::default(), &WriteOptions::default()).unwrap();
+}
+
+#[test]
+fn a_larger_forest_has_full_pages_and_short_paths() {
+    let forest = collapse(&torus(100), 300_000, 7);
+    assert!(forest.nodes.len() > 8_000);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("torus.xfm");
+    let report = write(&forest, &path, &WriteOptions::default()).unwrap();
+    assert!(report.pages <= forest.nodes.len() as u64 / 900, "{report:?}");
+    let file = XfmFile::open(&path).unwrap();
+    let pages_above = |mut block: BlockId| {
+        let mut pages = vec![file.block_page(block).unwrap()];
+        while let Some(parent) =
+            file.read_page(pages[pages.len() - 1]).unwrap().block(block).unwrap().parent
+        {
+            block = file.numbering().block(parent);
+            let page = file.block_page(block).unwrap();
+            if page != pages[pages.len() - 1] {
+                pages.push(page);
+            }
+        }
+        pages.len()
+    };
+    let deepest = (0..file.num_blocks()).step_by(97).map(|b| pages_above(BlockId::from_index(b)));
+    assert!(deepest.max().unwrap() <= 6);
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.xfm");
+    for bad in [options(0, 1024), options(6, 1024), options(4, 63), options(4, 65537)] {
+        let error = write(&Forest::default(), &path, &bad).unwrap_err();
+        assert!(matches!(error, Error::Option { .. }), "{error}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn what_is_no_forest_is_refused_and_leaves_the_old_file_alone() {
+    let forest = collapse(&torus(8), 500, 3);
+    let last = forest.nodes.len() - 1;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.xfm");
+    std::fs::write(&path, "old").unwrap();
+    type Spoil = fn(&mut Forest, usize);
+    let spoils: [Spoil; 9] = [
+        |f, last| f.nodes[last].position.x = f32::NAN,
+        |f, last| f.nodes[last].radius = f32::INFINITY,
+        |f, last| f.nodes[last].order = 0,
+        |f, last| f.nodes[last].order = last as u32 + 1,
+        |f, last| f.nodes[last].left = Some(mergetree::NodeId::from_index(last)),
+        |f, last| f.nodes[last].right = Some(mergetree::NodeId::from_index(last + 1)),
+        |f, _| f.base.vertices.iter_mut().for_each(|v| v.root = None),
+        |f, last| f.nodes[last].adjacent[0] = Some(halfedge::HalfEdgeId::new(4_000_000_000)),
+        |f, _| {
+            let root = f.base.roots().next();
+            f.base.vertices.iter_mut().for_each(|v| v.root = root);
+        },
+    ];
+    for (number, spoil) in spoils.into_iter().enumerate() {
+        let mut spoiled = forest.clone();
+        spoil(&mut spoiled, last);
+        let error = write(&spoiled, &path, &WriteOptions::default()).unwrap_err();
+        assert!(matches!(error, Error::InvalidForest { .. }), "{number}: {error}");
+    }
+    let mut spoiled = forest.clone();
+    spoiled.base.faces[0][1] = 10_000;
+    let error = write(&spoiled, &path, &WriteOptions::default()).unwrap_err();
+    assert!(matches!(error, Error::InvalidBase { .. }), "{error}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    write(&forest, &path, &WriteOptions::default()).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    XfmFile::open(&path).unwrap();
+}
+
+#[test]
+fn a_folder_that_is_not_there_is_an_error_of_the_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("missing").join("x.xfm");
+    let error = write(&Forest::default(), &path, &WriteOptions::default()).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    let error = XfmFile::open(&path).unwrap_err();
+    assert!(matches!(error, Error::Io { action: "open", .. }), "{error}");
+}
+
+#[test]
+fn the_same_forest_gives_the_same_bytes() {
+    let forest = collapse(&torus(60), 100_000, 11);
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = |name: &str| {
+        let path = folder.path().join(name);
+        write(&forest, &path, &WriteOptions::default()).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    assert!(bytes("a") == bytes("b"));
+}
