@@ -1,9 +1,10 @@
 //! The surface of an analytic function, by marching tetrahedra, as a scanner's pipeline emits it.
 //!
-//! The grid is walked in slabs of blocks along z. A block far from the surface, by the function's Lipschitz
-//! bound, is skipped whole; so time goes with the surface, not the volume, and memory is one block. Each cube is cut
-//! into six tetrahedra about its main diagonal (Kuhn's subdivision), which makes the surface a closed
-//! manifold for any function that is positive at the border of the grid.
+//! The grid is walked in slabs of blocks along z. A block far from the surface, by the function's
+//! Lipschitz bound, is skipped whole; so time goes with the surface, not the volume, and memory is
+//! one block. Each cube is cut into six tetrahedra about its main diagonal (Kuhn's subdivision),
+//! which makes the surface a closed manifold for any function that is positive at the border of the
+//! grid.
 
 use std::io;
 
@@ -25,6 +26,9 @@ const LIPSCHITZ: f64 = 1.0 + TEXTURE[0][0] * TEXTURE[0][1] + TEXTURE[1][0] * TEX
 const TEXTURE: [[f64; 2]; 2] = [[0.015, 17.0], [0.003, 71.0]];
 /// Crossings stay this share of an edge away from its ends: else several could round to one position.
 const MARGIN: f64 = 0.03;
+/// Trial grids to find the resolution, and how fine they may be.
+const TRIALS: usize = 6;
+const FINEST_TRIAL: f64 = 320.0;
 /// Triangles to hand on at once.
 const CHUNK: usize = 4096;
 
@@ -37,6 +41,8 @@ const TETRAHEDRA: [[u8; 4]; 6] =
 pub struct Isosurface {
     /// Cubes along x and y, and along z.
     cubes: [u64; 2],
+    /// Edge of a cube, in units of half the domain's width.
+    step: f64,
     /// The texture's sines at the grid's planes, for each octave and axis.
     sines: [[Vec<f64>; 3]; 2],
     table: Table,
@@ -140,36 +146,30 @@ fn figure(p: [f64; 3], mask: u8) -> f64 {
 impl Isosurface {
     /// Plans a grid on which about the number of triangles asked for come out.
     pub fn new(options: &Options) -> Self {
-        // The number goes with the square of the resolution, nearly: two trial runs tell the factor.
+        // The number goes with the square of the resolution, nearly: a few trials on grids that are
+        // not too fine tell the factor.
         let wanted = options.triangles as f64;
-        let mut resolution = 24;
-        for limit in [96, 320] {
-            let count = Self::with_resolution(resolution, options.seed).count(&|_| true) as f64;
-            let better = (resolution as f64 * (wanted / count.max(1.0)).sqrt()).round() as u64;
-            resolution = better.clamp(6, limit);
-            if better <= limit {
-                continue;
+        let (mut resolution, mut best, mut least_miss) = (24.0_f64, 24.0, f64::INFINITY);
+        for _ in 0..TRIALS {
+            let count =
+                Self::with_resolution(resolution, options.seed).count(&|_| true).max(1) as f64;
+            if (count - wanted).abs() < least_miss {
+                (best, least_miss) = (resolution, (count - wanted).abs());
             }
-            let count = Self::with_resolution(limit, options.seed).count(&|_| true) as f64;
-            resolution = (limit as f64 * (wanted / count.max(1.0)).sqrt()).round() as u64;
-            if limit < 320 {
-                resolution = resolution.min(320);
+            let better = resolution * (wanted / count).sqrt();
+            if resolution == FINEST_TRIAL && better > FINEST_TRIAL {
+                best = better;
+                break;
             }
+            resolution = better.clamp(5.0, FINEST_TRIAL);
         }
-        // Small meshes: the neighbour that comes nearest.
-        if options.triangles < 1_000_000 {
-            let low = resolution.saturating_sub(2).max(6);
-            let miss = |r: &u64| {
-                Self::with_resolution(*r, options.seed).count(&|_| true).abs_diff(options.triangles)
-            };
-            resolution = (low..=resolution + 2).min_by_key(miss).unwrap_or(resolution);
-        }
-        Self::with_resolution(resolution, options.seed)
+        Self::with_resolution(best, options.seed)
     }
 
-    fn with_resolution(resolution: u64, seed: u64) -> Self {
-        let cubes = [resolution, (TALL * resolution as f64).ceil() as u64];
-        let step = 2.0 / resolution as f64;
+    /// A grid of this many cubes per two units, around the whole domain.
+    fn with_resolution(resolution: f64, seed: u64) -> Self {
+        let cubes = [resolution.ceil() as u64, (TALL * resolution).ceil() as u64];
+        let step = 2.0 / resolution;
         let sines = [0, 1].map(|octave| {
             [0, 1, 2].map(|axis: usize| {
                 let phase = 6.3 * unit(hash(seed ^ (octave as u64 * 8 + axis as u64)));
@@ -180,17 +180,13 @@ impl Isosurface {
                     .collect()
             })
         });
-        Self { cubes, sines, table: Table::new() }
-    }
-
-    fn step(&self) -> f64 {
-        2.0 / self.cubes[0] as f64
+        Self { cubes, step, sines, table: Table::new() }
     }
 
     /// The position of a place of the grid, in units of half the domain's width.
     fn place(&self, i: [f64; 3]) -> [f64; 3] {
         let [xy, z] = self.cubes.map(|n| n as f64 / 2.0);
-        [(i[0] - xy) * self.step(), (i[1] - xy) * self.step(), (i[2] - z) * self.step()]
+        [(i[0] - xy) * self.step, (i[1] - xy) * self.step, (i[2] - z) * self.step]
     }
 
     fn value(&self, [x, y, z]: [u64; 3], parts: u8) -> f64 {
@@ -217,7 +213,7 @@ impl Isosurface {
     ) -> io::Result<()> {
         // Blocks have an even number of cubes along each edge: the center is a point of the grid.
         let middle = first.map(|c| c + size / 2);
-        let reach = LIPSCHITZ * self.step() * size as f64 * 0.5 * 3.0_f64.sqrt();
+        let reach = LIPSCHITZ * self.step * size as f64 * 0.5 * 3.0_f64.sqrt();
         if self.value(middle, parts).abs() > reach {
             return Ok(());
         }

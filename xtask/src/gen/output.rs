@@ -54,8 +54,8 @@ fn normal([a, b, c]: &Triangle) -> [f32; 3] {
 /// Writes a binary little-endian PLY with shared vertices, in the order of the strips.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a shape without numbered vertices or a shuffled order; [`Error::Write`] when the
-/// output fails.
+/// [`Error::Unsupported`] for a shape without numbered vertices or a shuffled order;
+/// [`Error::Write`] when the output fails.
 pub fn write_ply(generator: &Generator, out: &mut dyn Write) -> Result<u64, Error> {
     let Some(surface) = generator.rings() else {
         return Err(Error::Unsupported(
