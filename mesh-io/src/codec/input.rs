@@ -138,6 +138,16 @@ impl<R: Read> Input<R> {
         Ok(())
     }
 
+    /// Reads what is left of a pipe or of packed data, whose checksum comes last; a plain file is left alone.
+    #[cfg(feature = "ply")]
+    pub(crate) fn drain(&mut self) -> Result<(), Error> {
+        while self.length.is_none() && !self.ended {
+            self.start = self.end;
+            self.read_more()?;
+        }
+        Ok(())
+    }
+
     /// Everything from here to the end, in memory.
     #[cfg(feature = "gltf")]
     pub(crate) fn read_to_end(&mut self) -> Result<Vec<u8>, Error> {
@@ -246,7 +256,7 @@ impl<R: Read> Input<R> {
     }
 
     /// How the line handed out last ended.
-    #[cfg(any(feature = "obj", feature = "ply"))]
+    #[cfg(any(feature = "stl", feature = "obj", feature = "ply"))]
     pub(crate) fn line_end(&self) -> LineEnd {
         self.line_end
     }

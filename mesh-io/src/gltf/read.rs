@@ -71,6 +71,16 @@ fn parse(json: &[u8], name: &str) -> Result<Document, Error> {
             "export the scene without it (without compression)",
         ));
     }
+    // The validation below takes this for granted.
+    for (at, mesh) in root.meshes.iter().enumerate() {
+        for source in mesh.primitives.iter().flat_map(|primitive| primitive.attributes.values()) {
+            if source.value() >= root.accessors.len() {
+                let problem =
+                    format!("mesh {at} names accessor {}, which is not there", source.value());
+                return Err(malformed(name, problem, EXPORT_AGAIN));
+            }
+        }
+    }
     // Bounds are asked for by the format but not needed by us, and often left out.
     for accessor in &mut root.accessors {
         accessor.min.get_or_insert_with(|| vec![0.0f32; 3].into());

@@ -32,7 +32,8 @@ pub(crate) enum Container {
     Binary,
 }
 
-/// The whole mesh. A mesh without triangles becomes a scene without meshes, since the format has no empty lists.
+/// The whole mesh. A mesh without triangles becomes a file without a scene, since the format
+/// has no empty lists.
 pub(crate) fn write_mesh<W: Write>(
     pen: &mut Pen<W>,
     mesh: &IndexedMesh,
@@ -125,7 +126,7 @@ fn describe(
     }
     let asset = json!({ "version": "2.0", "generator": "mesh-io" });
     let (Some((low, high)), true) = (mesh.bounds(), bytes > 0) else {
-        return Ok(json!({ "asset": asset, "scene": 0, "scenes": [{}] }));
+        return Ok(json!({ "asset": asset }));
     };
     let split = (mesh.positions.len() * ITEM_BYTES) as u64;
     let buffer = match container {

@@ -368,7 +368,10 @@ impl<R: Read> IndexedReader for PlyReader<R> {
             self.unstash(out)?;
         }
         while out.len() - before < max {
-            let Some(element) = self.element() else { break };
+            let Some(element) = self.element() else {
+                self.input.drain()?;
+                break;
+            };
             if self.row == element.count {
                 self.next_element();
                 continue;

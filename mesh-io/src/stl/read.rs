@@ -5,13 +5,16 @@ use std::io::Read;
 use glam::Vec3;
 
 use super::{HEADER_BYTES, RECORD_BYTES};
-use crate::codec::input::Input;
+use crate::codec::input::{Input, LineEnd};
 use crate::codec::text::{Fault, Tokens, trim_start};
 use crate::codec::weld::Welder;
 use crate::{Error, IndexedMesh, Place, Triangle, TriangleSource};
 
 /// How many bytes are looked at to tell text from binary.
 const PROBE_BYTES: usize = 1024;
+
+/// What some editors put at the front of a text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 const EXPORT_AGAIN: &str = "correct that place or export the mesh again";
 
@@ -48,6 +51,9 @@ impl<R: Read> StlReader<R> {
             return Err(input.empty());
         }
         if begins_with_solid(input.window()) && !is_binary(&input) {
+            if input.window().starts_with(BYTE_ORDER_MARK) {
+                input.consume(BYTE_ORDER_MARK.len());
+            }
             return Ok(Self { input, content: Content::Ascii(Solid::default()) });
         }
         let Some(&count) =
@@ -111,10 +117,9 @@ impl<R: Read> StlReader<R> {
         let mut count = 0;
         while count < max {
             let Some(line) = self.input.next_line()? else {
-                return match (solid.inside, solid.facet) {
-                    (false, _) => Ok(count),
-                    (true, None) => Err(self.input.truncated_line("`endsolid`")),
-                    (true, Some(_)) => Err(self.input.truncated_line("`endfacet`")),
+                return match solid.missing() {
+                    None => Ok(count),
+                    Some(missing) => Err(self.input.truncated_line(missing)),
                 };
             };
             match solid.take_line(self.input.text(line)) {
@@ -123,7 +128,15 @@ impl<R: Read> StlReader<R> {
                     out.push(triangle);
                     count += 1;
                 }
-                Err(problem) => return Err(self.input.malformed_line(problem, EXPORT_AGAIN)),
+                Err(problem) => {
+                    return Err(match solid.missing() {
+                        // The last line is cut off, whatever it looks like.
+                        Some(missing) if self.input.line_end() == LineEnd::None => {
+                            self.input.truncated_line(missing)
+                        }
+                        _ => self.input.malformed_line(problem, EXPORT_AGAIN),
+                    });
+                }
             }
         }
         Ok(count)
@@ -159,6 +172,15 @@ impl<R: Read> TriangleSource for StlReader<R> {
 }
 
 impl Solid {
+    /// What must follow before the file may end.
+    fn missing(&self) -> Option<&'static str> {
+        match (self.inside, self.facet) {
+            (false, _) => None,
+            (true, None) => Some("`endsolid`"),
+            (true, Some(_)) => Some("`endfacet`"),
+        }
+    }
+
     /// Takes one line; gives the triangle that it completes, or what is wrong with it.
     #[inline]
     fn take_line(&mut self, line: &[u8]) -> Result<Option<Triangle>, String> {
@@ -200,8 +222,7 @@ impl Solid {
                 }
             }
             (false, _) => {
-                let word = word.strip_prefix(b"\xef\xbb\xbf").unwrap_or(word);
-                if word.eq_ignore_ascii_case(b"solid") {
+                if is("solid") {
                     self.inside = true;
                     return Ok(None);
                 }
@@ -228,7 +249,7 @@ fn describe(fault: Fault) -> String {
 }
 
 fn begins_with_solid(window: &[u8]) -> bool {
-    let mut text = window.strip_prefix(b"\xef\xbb\xbf").unwrap_or(window);
+    let mut text = window.strip_prefix(BYTE_ORDER_MARK).unwrap_or(window);
     loop {
         text = trim_start(text);
         match text {

@@ -1,0 +1,12 @@
+//! Every format, in and out, through the public interface.
+#![cfg(all(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
+
+mod damage;
+mod gltf;
+mod obj;
+mod output;
+mod packed;
+mod ply;
+mod round_trip;
+mod stl;
+mod support;
