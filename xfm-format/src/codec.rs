@@ -56,7 +56,7 @@ impl PageContext {
         }
         if let Some(of_nodes) = name.checked_sub(self.num_base_half_edges) {
             let slots = u64::from(self.numbering.slots());
-            if of_nodes / 6 & slots == slots {
+            if (of_nodes / 6) & slots == slots {
                 return None;
             }
         }
