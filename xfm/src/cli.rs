@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::commands::diff;
+use crate::commands::{build, diff, extract, info, verify};
 use crate::report::say;
 use crate::{Error, interrupt, one_line};
 
@@ -22,6 +22,10 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Build(build::BuildArgs),
+    Info(info::InfoArgs),
+    Verify(verify::VerifyArgs),
+    Extract(extract::ExtractArgs),
     Diff(diff::DiffArgs),
 }
 
@@ -53,6 +57,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 fn dispatch(command: &Command) -> Result<(), Error> {
     match command {
+        Command::Build(args) => build::run(args),
+        Command::Info(args) => info::run(args),
+        Command::Verify(args) => verify::run(args),
+        Command::Extract(args) => extract::run(args),
         Command::Diff(args) => diff::run(args),
     }
 }

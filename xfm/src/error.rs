@@ -1,8 +1,13 @@
 //! Why a command failed, and how that becomes one line.
 
 use std::io;
+use std::path::PathBuf;
+
+use halfedge::BuildError;
+use mergetree::ForestError;
 
 use crate::distance::DistanceError;
+use crate::text;
 
 /// Why a command failed. Each message names the file, the place in it where there is one, and the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -14,6 +19,99 @@ pub enum Error {
     /// Standard input has no extension that would tell the format.
     #[error("standard input: cannot tell the format; say which it is with --from")]
     NoFormat,
+    /// Standard output has no extension that would tell the format.
+    #[error("standard output: cannot tell the format; say which it is with --to")]
+    NoOutputFormat,
+    /// A `.xfm` file could not be written or read.
+    #[error(transparent)]
+    Format(#[from] xfm_format::Error),
+    /// A file of another kind stands where a `.xfm` file is expected.
+    #[error("{0}: not an .xfm file (wrong magic number at byte 0); make one with `xfm build {0} OUT.xfm`", file.display())]
+    NotXfm {
+        /// The file.
+        file: PathBuf,
+    },
+    /// The folder of an output is not there.
+    #[error("{}: its folder does not exist; create it first", file.display())]
+    NoFolder {
+        /// The output.
+        file: PathBuf,
+    },
+    /// An output that has to be a file is something else.
+    #[error("{}: cannot be written as a file; give it a name of its own, like model.xfm", file.display())]
+    NotAFile {
+        /// The output.
+        file: PathBuf,
+    },
+    /// The encoding is not there yet.
+    #[error("the encoding `compact` is not available yet; use `--encoding exact`")]
+    NoCompactEncoding,
+    /// The input needs more memory than it may have.
+    #[error(
+        "{}: building {} triangles takes up to {}, {} are allowed; raise --memory", file.display(),
+        text::count(*triangles), text::size(*needed), text::size(*memory)
+    )]
+    MemoryTooSmall {
+        /// The input.
+        file: PathBuf,
+        /// Its triangles.
+        triangles: u64,
+        /// What they take at most, in bytes.
+        needed: u64,
+        /// What is allowed, in bytes.
+        memory: u64,
+    },
+    /// After the repair no triangle is left.
+    #[error("{}: there is no triangle with three different corners; check that it is the file you meant", file.display())]
+    NothingToBuild {
+        /// The input.
+        file: PathBuf,
+    },
+    /// The triangles name vertices that are not there.
+    #[error("{}: {source}; export the mesh again", file.display())]
+    Repair {
+        /// The input.
+        file: PathBuf,
+        /// What is wrong.
+        source: BuildError,
+    },
+    /// The forest could not be built.
+    #[error("{}: {source}; split the mesh", file.display())]
+    Forest {
+        /// The input.
+        file: PathBuf,
+        /// What is wrong.
+        source: ForestError,
+    },
+    /// The coarsest mesh of a file is not a manifold.
+    #[error("{}: coarsest mesh: {source}; build the file again", file.display())]
+    Base {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong.
+        source: BuildError,
+    },
+    /// Nodes of a file contradict each other.
+    #[error("{}: {nodes} nodes do not fit the mesh around them; find them with `xfm verify` and build the file again", file.display())]
+    DamagedNodes {
+        /// The file.
+        file: PathBuf,
+        /// How many.
+        nodes: u64,
+    },
+    /// A file has been found to be damaged.
+    #[error(
+        "{}: {}{first}; copy or build the file again", file.display(),
+        if *errors > 1 { format!("{} errors, the first: ", text::count(*errors)) } else { String::new() }
+    )]
+    VerifyFailed {
+        /// The file.
+        file: PathBuf,
+        /// How many errors.
+        errors: u64,
+        /// The first of them.
+        first: String,
+    },
     /// Meshes cannot be compared.
     #[error("{name}: {source}")]
     Distance {

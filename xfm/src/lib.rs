@@ -19,13 +19,18 @@
 pub mod commands;
 pub mod distance;
 pub mod interrupt;
+pub mod level;
 pub mod memory;
 pub mod mesh_file;
 pub mod progress;
+pub mod repaired;
 pub mod report;
+pub mod same_surface;
+pub mod spread;
 pub mod text;
 pub mod threads;
 pub mod values;
+pub mod xfm_file;
 
 mod cli;
 mod error;

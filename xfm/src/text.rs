@@ -3,7 +3,7 @@
 /// A count with its thousands set apart.
 ///
 /// ```
-/// assert_eq!(xfm::text::count(871_414), "871,414");
+/// assert_eq!(xfm::text::count(871_414_u64), "871,414");
 /// ```
 pub fn count(number: impl Into<u64>) -> String {
     let digits = number.into().to_string();

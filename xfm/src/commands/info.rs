@@ -1,0 +1,165 @@
+//! `xfm info`: what a `.xfm` file holds.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::Serialize;
+use xfm_format::{Attribute, AttributeType};
+
+use crate::report::ReportTo;
+use crate::{Error, interrupt, text, xfm_file};
+
+/// Show what a .xfm file holds: counts, tree, attributes, and where its bytes go
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "\
+Examples:
+  What is in the file?
+    xfm info dragon.xfm
+
+  Bytes per triangle, for a script
+    xfm info dragon.xfm --json | jq '.file_bytes / .input_triangles'")]
+pub struct InfoArgs {
+    /// The .xfm file
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Report as JSON on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `xfm info` reports; sizes in bytes, bounds in model units.
+#[derive(Debug, Clone, Serialize)]
+struct InfoReport {
+    version: u32,
+    encoding: &'static str,
+    input_triangles: u64,
+    base_triangles: u64,
+    base_vertices: u64,
+    roots: u64,
+    nodes: u64,
+    blocks: u64,
+    levels: u32,
+    pages: u64,
+    tree_depth: u64,
+    fill: f64,
+    file_bytes: u64,
+    bytes: BTreeMap<&'static str, u64>,
+    attributes: Vec<AttributeReport>,
+    bounds: Bounds,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct AttributeReport {
+    name: String,
+    unit: String,
+    #[serde(rename = "type")]
+    kind: String,
+    components: u8,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct Bounds {
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+impl From<&Attribute> for AttributeReport {
+    fn from(attribute: &Attribute) -> Self {
+        let kind = match attribute.kind {
+            AttributeType::F32 => "f32".to_owned(),
+            AttributeType::Octahedral => "octahedral".to_owned(),
+            AttributeType::F16Up => "f16-up".to_owned(),
+            AttributeType::Other(code) => format!("type-{code}"),
+            _ => "unknown".to_owned(),
+        };
+        Self {
+            name: attribute.name.clone(),
+            unit: attribute.unit.clone(),
+            kind,
+            components: attribute.components,
+        }
+    }
+}
+
+impl fmt::Display for InfoReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let per_triangle = self.file_bytes as f64 / self.input_triangles.max(1) as f64;
+        writeln!(f, "format     version {}, {}", self.version, self.encoding)?;
+        writeln!(
+            f,
+            "input      {} triangles, {:.2} bytes each",
+            text::count(self.input_triangles),
+            per_triangle
+        )?;
+        writeln!(
+            f,
+            "coarsest   {} triangles, {} vertices, {} of them roots",
+            text::count(self.base_triangles),
+            text::count(self.base_vertices),
+            text::count(self.roots)
+        )?;
+        writeln!(
+            f,
+            "forest     {} nodes, {} levels deep",
+            text::count(self.nodes),
+            self.tree_depth
+        )?;
+        writeln!(
+            f,
+            "blocks     {} of {} levels, {:.1} % full, in {} pages",
+            text::count(self.blocks),
+            self.levels,
+            self.fill * 100.0,
+            text::count(self.pages)
+        )?;
+        let corner = |corner: [f32; 3]| corner.map(|c| text::number(c.into(), 6)).join(", ");
+        writeln!(f, "bounds     {} to {}", corner(self.bounds.min), corner(self.bounds.max))?;
+        for attribute in &self.attributes {
+            let AttributeReport { name, unit, kind, components } = attribute;
+            let unit = if unit.is_empty() { "no unit" } else { unit };
+            writeln!(f, "attribute  {name}: {components} x {kind}, {unit}")?;
+        }
+        write!(f, "file       {}", text::size(self.file_bytes))?;
+        let mut by_size: Vec<_> = self.bytes.iter().collect();
+        by_size.sort_by_key(|&(_, &bytes)| std::cmp::Reverse(bytes));
+        for (kind, &bytes) in by_size {
+            let share = bytes as f64 / self.file_bytes.max(1) as f64 * 100.0;
+            write!(f, "\n           {kind:10}{:>12}{share:7.1} %", text::size(bytes))?;
+        }
+        Ok(())
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+///
+/// A file that cannot be read, or is damaged.
+pub fn run(args: &InfoArgs) -> Result<(), Error> {
+    let report = interrupt::freely(|| -> Result<InfoReport, Error> {
+        let file = xfm_file::open(&args.file)?;
+        let bytes: BTreeMap<_, _> = file.field_bytes()?.iter().collect();
+        let header = file.header();
+        let [min, max] = header.bounds.map(|corner| corner.to_array());
+        Ok(InfoReport {
+            version: header.version,
+            encoding: header.encoding.name(),
+            input_triangles: header.input_triangles,
+            base_triangles: header.base_faces,
+            base_vertices: header.base_vertices,
+            roots: header.roots,
+            nodes: header.nodes,
+            blocks: header.blocks,
+            levels: header.levels,
+            pages: header.pages,
+            tree_depth: header.tree_depth,
+            fill: header.fill(),
+            file_bytes: bytes.values().sum(),
+            bytes,
+            attributes: header.attributes.iter().map(AttributeReport::from).collect(),
+            bounds: Bounds { min, max },
+        })
+    })?;
+    ReportTo::new(args.json).deliver(&report)
+}
