@@ -26,11 +26,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let camera =
         Camera::perspective(Vec3::new(1.6, 1.3, 2.6), Vec3::ZERO, Vec3::Y, 0.75, 1.6, 0.01);
-    let watched = Camera::perspective(Vec3::new(-0.4, 1.8, 1.4), Vec3::ZERO, Vec3::Y, 0.5, 1.6, 0.2);
+    let watched =
+        Camera::perspective(Vec3::new(-0.4, 1.8, 1.4), Vec3::ZERO, Vec3::Y, 0.5, 1.6, 0.2);
     let lines = watched.frustum_lines(1.9, [255, 176, 32, 255]);
     let mut target = Offscreen::new(&context, 1280, 800)?;
     for shading in Shading::ALL {
-        let caption = format!("{shading:?}\n{} triangles\n{}", triangles.len(), context.device_name());
+        let caption =
+            format!("{shading:?}\n{} triangles\n{}", triangles.len(), context.device_name());
         let text = [Text::new(&caption)];
         let mut scene = Scene::new(&mesh, camera);
         scene.shading = shading;

@@ -74,11 +74,15 @@ const INSIDE = vec3<f32>(0.560, 0.045, 0.060);
 const PAPER = vec3<f32>(0.720, 0.730, 0.740);
 const INK = vec3<f32>(0.018, 0.024, 0.036);
 
+fn towards_eye(position: vec3<f32>) -> vec3<f32> {
+    return normalize(select(vec3<f32>(0.0, 0.0, 1.0), -position, frame.perspective > 0.5));
+}
+
 // A key from the upper left, a cooler fill from the right, sky and ground; all of them travel with the camera.
 fn lit(base: vec3<f32>, n: vec3<f32>, position: vec3<f32>) -> vec3<f32> {
     let key = normalize(vec3<f32>(-0.50, 0.66, 0.62));
     let fill = normalize(vec3<f32>(0.80, -0.05, 0.45));
-    let to_eye = normalize(select(vec3<f32>(0.0, 0.0, 1.0), -position, frame.perspective > 0.5));
+    let to_eye = towards_eye(position);
 
     let key_share = pow(clamp(dot(n, key) * 0.85 + 0.15, 0.0, 1.0), 1.25);
     let fill_share = max(dot(n, fill) * 0.8 + 0.2, 0.0);
@@ -105,7 +109,7 @@ fn edge_cover(barycentric: vec3<f32>, half_width_px: f32) -> f32 {
     let nearest = min(min(distances.x, distances.y), distances.z);
     let cover = 1.0 - smoothstep(half_width_px - 0.5, half_width_px + 0.5, nearest);
     let density = max(max(step.x, step.y), step.z);
-    return mix(cover, 0.45, smoothstep(0.22, 0.75, density));
+    return mix(cover, 0.60, smoothstep(0.22, 0.75, density));
 }
 
 // Coarse to fine: night blue, blue, green, yellow, red; even steps of hue, growing lightness until the last third.
@@ -126,7 +130,11 @@ fn level_colour(level: f32) -> vec3<f32> {
 
 @fragment
 fn fs_smooth(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    let n = normalize(in.normal) * select(-1.0, 1.0, front);
+    var n = normalize(in.normal);
+    // A face seen from inside is lit as seen, whether its normals follow its winding or not.
+    if !front && dot(n, towards_eye(in.position)) < 0.0 {
+        n = -n;
+    }
     return to_target(lit(base_colour(CLAY, front), n, in.position), 1.0);
 }
 
@@ -138,7 +146,7 @@ fn fs_flat(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4
 @fragment
 fn fs_wireframe(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
     let face = lit(base_colour(PAPER, front), face_normal(in.position), in.position);
-    return to_target(mix(face, INK, edge_cover(in.barycentric, 0.55) * 0.88), 1.0);
+    return to_target(mix(face, INK, edge_cover(in.barycentric, 0.65) * 0.94), 1.0);
 }
 
 @fragment
@@ -154,5 +162,5 @@ fn fs_normals(in: Surface, @builtin(front_facing) front: bool) -> @location(0) v
     let seen = normalize(in.normal);
     let n = normalize((vec4<f32>(seen, 0.0) * frame.view).xyz);
     let colour = to_linear(n * 0.5 + 0.5);
-    return to_target(select(mix(colour * 0.25, INSIDE, 0.7), colour, front), 1.0);
+    return to_target(select(mix(colour * 0.15, INSIDE, 0.85), colour, front), 1.0);
 }
