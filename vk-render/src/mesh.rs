@@ -241,7 +241,7 @@ impl Growing {
         };
         let known = if intact { self.len.min(end) } else { 0 };
         let gap = (GAP_BYTES / self.element_bytes) as u32;
-        coalesce(self.what, ranges.iter().cloned().chain([known..end]), len, gap)
+        coalesce(self.what, ranges.iter().cloned().chain(std::iter::once(known..end)), len, gap)
     }
 
     /// Makes room for `len` elements; whether that took another buffer.

@@ -35,6 +35,7 @@ pub(crate) fn coalesce(
 }
 
 #[cfg(test)]
+#[allow(clippy::single_range_in_vec_init)] // One range is meant, not its elements.
 mod tests {
     use super::*;
 

@@ -8,6 +8,7 @@ use crate::painter::{FRAMES_IN_FLIGHT, Painter, Ties};
 use crate::scene::{Image, Scene};
 use ash::vk;
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// When a picture appears.
@@ -33,12 +34,12 @@ pub enum Presented {
     Minimised,
 }
 
-/// A render target on the screen.
+/// A render target on the screen. It stays on the thread that made it, as windows do.
 pub struct WindowTarget {
     // In this order: framebuffers, swapchain, pass, surface; `drop` waits before any of them.
     chain: Option<Chain>,
     painter: Painter,
-    surface: Arc<Surface>,
+    surface: Rc<Surface>,
     format: vk::SurfaceFormatKHR,
     wanted: vk::Extent2D,
     /// Whether the swapchain no longer fits its window.
@@ -62,7 +63,7 @@ impl WindowTarget {
     where
         W: HasDisplayHandle + HasWindowHandle + 'static,
     {
-        let surface = Arc::new(Surface::new(&context.device, Box::new(window))?);
+        let surface = Rc::new(Surface::new(&context.device, Box::new(window))?);
         let (format, encode) = surface.format()?;
         let layout = vk::ImageLayout::PRESENT_SRC_KHR;
         Ok(Self {

@@ -1,6 +1,8 @@
 //! Drawing into a real window: frames, changes of size, no area, screenshots. Needs a display (Xvfb will do); without one
 //! there is no window to draw into, and the test says so.
 #![cfg(target_os = "linux")]
+// One changed range is a list of one range.
+#![allow(clippy::single_range_in_vec_init)]
 
 mod common;
 

@@ -6,6 +6,7 @@ use crate::error::{Check, Error, Result};
 use crate::window::Pacing;
 use ash::vk;
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// Whatever has a window's handles. The surface keeps it, so that the window outlives it.
@@ -74,7 +75,7 @@ impl Surface {
 impl Drop for Surface {
     fn drop(&mut self) {
         if let Some(functions) = &self.device.instance.surface {
-            // SAFETY: the swapchains made for the surface hold an `Arc` of it, so none is left.
+            // SAFETY: the swapchains made for the surface hold an `Rc` of it, so none is left.
             unsafe { functions.destroy_surface(self.raw, None) };
         }
     }
@@ -96,7 +97,7 @@ pub(crate) struct Swapchain {
     ready: Vec<vk::Semaphore>,
     next: usize,
     device: Arc<Device>,
-    _surface: Arc<Surface>,
+    _surface: Rc<Surface>,
 }
 
 struct SwapchainImage {
@@ -107,7 +108,7 @@ struct SwapchainImage {
 impl Swapchain {
     /// `None` where the window has no area just now. Nothing of `old` may be in use; it is replaced.
     pub(crate) fn new(
-        surface: &Arc<Surface>,
+        surface: &Rc<Surface>,
         format: vk::SurfaceFormatKHR,
         wanted: vk::Extent2D,
         pacing: Pacing,
@@ -171,7 +172,7 @@ impl Swapchain {
             ready: Vec::new(),
             next: 0,
             device: Arc::clone(device),
-            _surface: Arc::clone(surface),
+            _surface: Rc::clone(surface),
         };
         // SAFETY: the swapchain is new.
         let images =
