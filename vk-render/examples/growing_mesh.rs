@@ -46,19 +46,17 @@ impl Growing {
         let text = [Text::new(&text)];
         let mut scene = Scene::new(mesh, camera);
         (scene.shading, scene.text) = (Shading::ALL[self.shading % 5], &text);
-        if target.draw(&scene)? != Presented::Minimised {
-            window.request_redraw();
-        }
-        Ok(())
+        window.request_redraw();
+        target.draw(&scene).map(|_| ())
     }
 }
 
 impl ApplicationHandler for Growing {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         let window = events.create_window(Window::default_attributes()).expect("a window");
-        let (window, size) = (Arc::new(window), (800, 600));
+        let window = Arc::new(window);
         let context = Context::new(&ContextOptions::default()).unwrap_or_else(|e| panic!("{e}"));
-        let target = WindowTarget::new(&context, Arc::clone(&window), size, Pacing::Display);
+        let target = WindowTarget::new(&context, Arc::clone(&window), (800, 600), Pacing::Display);
         let mesh = MeshBuffers::new(&context).expect("memory for a small mesh");
         self.shown = Some((window, target.expect("a display"), mesh));
     }
