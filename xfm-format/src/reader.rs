@@ -33,6 +33,9 @@ impl std::fmt::Debug for XfmFile {
     }
 }
 
+/// What the decompressor keeps for itself, rounded up.
+const ZSTD_CONTEXT_BYTES: usize = 160 << 10;
+
 /// Reads pages of a file; holds what can be used again from one to the next. One for each thread.
 pub struct PageReader {
     decoder: PageDecoder,
@@ -146,6 +149,21 @@ impl XfmFile {
     /// Blocks and nodes of a page; `None` if there is no such page.
     pub fn page_counts(&self, page: usize) -> Option<(usize, usize)> {
         self.index.get(page).map(|entry| (entry.blocks as usize, entry.nodes as usize))
+    }
+
+    /// The most that reading any page of this file takes in memory, first the [`Page`], then its [`PageReader`].
+    ///
+    /// # Complexity
+    /// Linear in the number of pages.
+    pub fn largest_page_bytes(&self) -> [usize; 2] {
+        let largest = |get: fn(&IndexEntry) -> u32| {
+            self.index.iter().map(get).max().unwrap_or_default() as usize
+        };
+        let [nodes, blocks, length] =
+            [largest(|e| e.nodes), largest(|e| e.blocks), largest(|e| e.length)];
+        let page = nodes * size_of::<Node>() + blocks * size_of::<crate::page::BlockEntry>();
+        // Two columns of two values per node at most, references and a plane, each in memory that may have doubled.
+        [page, length + nodes * (2 * 32 + 2 * 8 + 2) + ZSTD_CONTEXT_BYTES]
     }
 
     /// Bytes that header, coarsest mesh and page index take in memory.

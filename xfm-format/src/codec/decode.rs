@@ -68,6 +68,8 @@ impl PageDecoder {
         };
         page.blocks.clear();
         page.nodes.clear();
+        page.blocks.reserve_exact(entry.blocks as usize);
+        page.nodes.reserve_exact(entry.nodes as usize);
         page.first_block = entry.first_block as u32;
         self.shape(&mut cursor, entry, context, page)?;
         measure(&mut measured.shape, &cursor);

@@ -1,0 +1,282 @@
+//! The blocks in memory: found by their number in constant time, removed in order of their last use.
+
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use mergetree::{Node, NodeId, SlotId};
+use xfm_format::{Block, BlockId, Numbering};
+
+const NONE: u32 = u32::MAX;
+
+/// What the allocator needs beside a block's nodes, on average: they are aligned to cache lines.
+const ALLOCATION_OVERHEAD: usize = 48;
+
+/// A block in memory.
+#[derive(Debug)]
+struct Resident {
+    /// `None` for an entry that is free.
+    nodes: Option<Box<[Node]>>,
+    block: u32,
+    mask: u32,
+    /// Frame in which it was last looked at. Set through a shared reference, hence atomic.
+    last_used: AtomicU32,
+    /// Frame in which it got its place in the list.
+    listed: u32,
+    num_split: u32,
+    /// Holds a root and never goes.
+    pinned: bool,
+    /// Neighbours in the list of blocks that may go; for a free entry `next` is the next free one.
+    prev: u32,
+    next: u32,
+}
+
+/// The blocks in memory.
+///
+/// Blocks that may go, none of whose nodes is split, form a list in order of their last use. Merely looking at a block
+/// does not move it; it is given its new place, at the end, when its turn would have come ("second chance").
+#[derive(Debug)]
+pub(crate) struct Residents {
+    numbering: Numbering,
+    /// Per block of the file one more than its entry, or 0.
+    directory: Vec<u32>,
+    entries: Vec<Resident>,
+    free: u32,
+    oldest: u32,
+    newest: u32,
+    num_listed: usize,
+    num_blocks: usize,
+    num_nodes: usize,
+    /// The present frame.
+    pub clock: u32,
+}
+
+impl Residents {
+    pub fn new(numbering: Numbering, num_blocks: usize) -> Self {
+        Self {
+            numbering,
+            // Pages of it that are never touched take no memory.
+            directory: vec![0; num_blocks],
+            entries: Vec::new(),
+            free: NONE,
+            oldest: NONE,
+            newest: NONE,
+            num_listed: 0,
+            num_blocks: 0,
+            num_nodes: 0,
+            clock: 0,
+        }
+    }
+
+    pub fn num_blocks(&self) -> usize {
+        self.num_blocks
+    }
+
+    pub fn num_nodes(&self) -> usize {
+        self.num_nodes
+    }
+
+    /// The blocks in memory.
+    pub fn blocks(&self) -> impl Iterator<Item = BlockId> + '_ {
+        let present = self.entries.iter().filter(|resident| resident.nodes.is_some());
+        present.map(|resident| BlockId::new(resident.block))
+    }
+
+    /// Memory taken.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.directory[..])
+            + self.entries.capacity() * size_of::<Resident>()
+            + self.num_nodes * size_of::<Node>()
+            + self.num_blocks * ALLOCATION_OVERHEAD
+    }
+
+    /// Memory that a block of so many nodes would take more.
+    pub fn cost(&self, num_nodes: usize) -> usize {
+        let entries = if self.is_full() { self.growth() * size_of::<Resident>() } else { 0 };
+        entries + num_nodes * size_of::<Node>() + ALLOCATION_OVERHEAD
+    }
+
+    fn is_full(&self) -> bool {
+        self.free == NONE && self.entries.len() == self.entries.capacity()
+    }
+
+    fn growth(&self) -> usize {
+        (self.entries.len() / 8).max(32)
+    }
+
+    pub fn contains(&self, block: BlockId) -> bool {
+        self.directory.get(block.index()).is_some_and(|&entry| entry != 0)
+    }
+
+    /// The node, if it is in memory.
+    #[inline]
+    pub fn node(&self, id: NodeId) -> Option<&Node> {
+        let entry = *self.directory.get(self.numbering.block(id).index())?;
+        let resident = self.entries.get((entry as usize).wrapping_sub(1))?;
+        if resident.last_used.load(Relaxed) != self.clock {
+            resident.last_used.store(self.clock, Relaxed);
+        }
+        let rank = Numbering::rank(resident.mask, self.numbering.slot(id))?;
+        resident.nodes.as_deref()?.get(rank)
+    }
+
+    /// Takes a block that is not in memory yet. A pinned one stays.
+    pub fn insert(&mut self, block: &Block<'_>, pinned: bool) {
+        assert!(!self.contains(block.id), "block {} is already resident", block.id);
+        if self.is_full() {
+            self.entries.reserve_exact(self.growth());
+        }
+        let resident = Resident {
+            nodes: Some(block.nodes.into()),
+            block: block.id.get(),
+            mask: block.mask,
+            last_used: AtomicU32::new(self.clock),
+            listed: self.clock,
+            num_split: 0,
+            pinned,
+            prev: NONE,
+            next: NONE,
+        };
+        let entry = if self.free == NONE {
+            self.entries.push(resident);
+            self.entries.len() as u32 - 1
+        } else {
+            let entry = self.free;
+            self.free = self.entries[entry as usize].next;
+            self.entries[entry as usize] = resident;
+            entry
+        };
+        self.directory[block.id.index()] = entry + 1;
+        self.num_blocks += 1;
+        self.num_nodes += block.nodes.len();
+        if !pinned {
+            self.list(entry);
+        }
+    }
+
+    /// Notes whether a node is split.
+    pub fn set_slot(&mut self, id: NodeId, slot: Option<SlotId>) {
+        let entry = self.directory.get(self.numbering.block(id).index()).map_or(0, |&entry| entry);
+        let entry = entry.checked_sub(1).unwrap_or_else(|| panic!("node {id} is not resident"));
+        let rank_slot = self.numbering.slot(id);
+        let resident = &mut self.entries[entry as usize];
+        let node = Numbering::rank(resident.mask, rank_slot)
+            .and_then(|rank| resident.nodes.as_deref_mut()?.get_mut(rank))
+            .unwrap_or_else(|| panic!("node {id} is not resident"));
+        let was_split = std::mem::replace(&mut node.slot, slot).is_some();
+        resident.last_used.store(self.clock, Relaxed);
+        let before = resident.num_split;
+        resident.num_split = before + u32::from(slot.is_some()) - u32::from(was_split);
+        let (now, pinned) = (resident.num_split, resident.pinned);
+        if !pinned {
+            match (before, now) {
+                (0, 1) => self.unlist(entry),
+                (1, 0) => self.list(entry),
+                _ => {}
+            }
+        }
+    }
+
+    /// Removes blocks last used before the frame `before`, the oldest first, while `more` says so. Returns how many.
+    pub fn evict(&mut self, before: u32, more: impl Fn(&Self) -> bool) -> usize {
+        let mut evicted = 0;
+        // Twice: those that were looked at get their new place the first time.
+        for _ in 0..2 * self.num_listed {
+            if self.oldest == NONE || !more(self) {
+                break;
+            }
+            let entry = self.oldest;
+            self.unlist(entry);
+            let resident = &self.entries[entry as usize];
+            let last_used = resident.last_used.load(Relaxed);
+            if last_used > resident.listed || last_used >= before {
+                self.list(entry);
+                continue;
+            }
+            self.remove(entry);
+            evicted += 1;
+        }
+        evicted
+    }
+
+    fn remove(&mut self, entry: u32) {
+        let resident = &mut self.entries[entry as usize];
+        self.num_nodes -= resident.nodes.take().map_or(0, |nodes| nodes.len());
+        self.num_blocks -= 1;
+        self.directory[resident.block as usize] = 0;
+        resident.next = self.free;
+        self.free = entry;
+    }
+
+    /// Appends to the list of blocks that may go.
+    fn list(&mut self, entry: u32) {
+        let resident = &mut self.entries[entry as usize];
+        resident.listed = *resident.last_used.get_mut();
+        resident.prev = self.newest;
+        resident.next = NONE;
+        match self.newest {
+            NONE => self.oldest = entry,
+            newest => self.entries[newest as usize].next = entry,
+        }
+        self.newest = entry;
+        self.num_listed += 1;
+    }
+
+    fn unlist(&mut self, entry: u32) {
+        let Resident { prev, next, .. } = self.entries[entry as usize];
+        match prev {
+            NONE => self.oldest = next,
+            prev => self.entries[prev as usize].next = next,
+        }
+        match next {
+            NONE => self.newest = prev,
+            next => self.entries[next as usize].prev = prev,
+        }
+        self.num_listed -= 1;
+    }
+
+    /// Checks that directory, entries, list and counts agree.
+    pub fn validate(&self) -> Result<(), String> {
+        let mut num_nodes = 0;
+        let mut num_listed = 0;
+        let mut num_blocks = 0;
+        for (index, resident) in self.entries.iter().enumerate() {
+            let Some(nodes) = resident.nodes.as_deref() else { continue };
+            num_blocks += 1;
+            num_nodes += nodes.len();
+            if self.directory.get(resident.block as usize) != Some(&(index as u32 + 1)) {
+                return Err(format!("the directory does not lead to block {}", resident.block));
+            }
+            if nodes.len() != resident.mask.count_ones() as usize {
+                return Err(format!("block {} has a wrong number of nodes", resident.block));
+            }
+            let num_split = nodes.iter().filter(|node| node.slot.is_some()).count();
+            if num_split != resident.num_split as usize {
+                return Err(format!("block {} counts its split nodes wrongly", resident.block));
+            }
+            num_listed += usize::from(num_split == 0 && !resident.pinned);
+        }
+        let in_directory = self.directory.iter().filter(|&&entry| entry != 0).count();
+        if (num_blocks, num_blocks, num_nodes) != (self.num_blocks, in_directory, self.num_nodes) {
+            return Err("the counts of blocks and nodes are wrong".into());
+        }
+        let (mut entry, mut prev, mut walked) = (self.oldest, NONE, 0);
+        while entry != NONE && walked <= num_listed {
+            let resident = &self.entries[entry as usize];
+            if resident.prev != prev || resident.nodes.is_none() || resident.num_split > 0 {
+                return Err(format!("the list is broken at block {}", resident.block));
+            }
+            (prev, entry, walked) = (entry, resident.next, walked + 1);
+        }
+        if (walked, num_listed, prev) != (num_listed, self.num_listed, self.newest) {
+            return Err("the list does not hold the blocks that may go".into());
+        }
+        let (mut free, mut num_free) = (self.free, 0);
+        while free != NONE && num_free <= self.entries.len() {
+            free = self.entries[free as usize].next;
+            num_free += 1;
+        }
+        if num_free + num_blocks != self.entries.len() {
+            return Err("an entry is lost".into());
+        }
+        Ok(())
+    }
+}

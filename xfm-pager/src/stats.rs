@@ -1,0 +1,61 @@
+//! What a pager has and what it did.
+
+use std::time::Duration;
+
+/// What was done in a frame, or altogether.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Counters {
+    /// Requests for a node that was resident.
+    pub hits: u64,
+    /// Requests for a node that was not.
+    pub misses: u64,
+    /// Blocks loaded.
+    pub loads: u64,
+    /// Blocks that were not loaded because the hard quota left no room.
+    pub refusals: u64,
+    /// Blocks loaded from a page that was still inflated.
+    pub page_hits: u64,
+    /// Pages read and inflated.
+    pub pages_inflated: u64,
+    /// Bytes of them in the file.
+    pub bytes_read: u64,
+    /// Blocks removed.
+    pub evictions: u64,
+    /// Time spent on loading.
+    pub load_time: Duration,
+}
+
+impl Counters {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.hits += other.hits;
+        self.misses += other.misses;
+        self.loads += other.loads;
+        self.refusals += other.refusals;
+        self.page_hits += other.page_hits;
+        self.pages_inflated += other.pages_inflated;
+        self.bytes_read += other.bytes_read;
+        self.evictions += other.evictions;
+        self.load_time += other.load_time;
+    }
+}
+
+/// The state of a pager.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct PagerStats {
+    /// Blocks in memory.
+    pub resident_blocks: usize,
+    /// Nodes in memory.
+    pub resident_nodes: usize,
+    /// All memory the pager takes: nodes, directory, coarsest mesh, page index, inflated pages, working memory.
+    pub resident_bytes: usize,
+    /// The largest number that `resident_bytes` ever was.
+    pub peak_bytes: usize,
+    /// Pages that cannot be read.
+    pub damaged_pages: usize,
+    /// Since the frame began.
+    pub frame: Counters,
+    /// Since the file was opened, roots included.
+    pub total: Counters,
+}
