@@ -31,7 +31,7 @@ def main(arguments):
         report.write(plan, findings, folder)
         outcome = report.results(findings)
         print(report.table(findings))
-        print(f"{outcome['passed']} claims hold, {outcome['failed']} do not")
+        print(report.summary(outcome))
         return 1 if outcome["failed"] else 0
     print(__doc__, file=sys.stderr)
     return 2

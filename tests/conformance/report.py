@@ -14,6 +14,7 @@ td, th { text-align: left; padding: .15rem .6rem; border-bottom: 1px solid #ddd 
 .failed td { background: #fdd } figure { display: inline-block; margin: .5rem }
 figcaption { font-size: 13px; text-align: center } pre { white-space: pre-wrap; font-size: 12px }
 """
+STATES = {True: "ok", False: "FAILED", None: "-"}
 PICTURED = ("full", "front", "view", "decimate")
 
 
@@ -24,14 +25,21 @@ def table(findings):
     lines = []
     for finding in findings:
         cells = [str(finding[c])[: clip[c]].ljust(clip[c]) for c in columns]
-        lines.append("  ".join(["ok    " if finding["passed"] else "FAILED", *cells]).rstrip())
+        lines.append("  ".join([STATES[finding["passed"]].ljust(6), *cells]).rstrip())
     return "\n".join(lines)
 
 
 def results(findings):
     """What the driver reads."""
-    failed = sum(not finding["passed"] for finding in findings)
-    return {"passed": len(findings) - failed, "failed": failed, "findings": findings}
+    counts = [sum(f["passed"] is state for f in findings) for state in (True, False, None)]
+    return dict(zip(("passed", "failed", "not_offered"), counts), findings=findings)
+
+
+def summary(outcome):
+    """The outcome in a line."""
+    text = f"{outcome['passed']} claims hold, {outcome['failed']} do not"
+    absent = outcome["not_offered"]
+    return text + (f", {absent} could not be made yet" if absent else "")
 
 
 def write(plan, findings, folder):
@@ -44,10 +52,9 @@ def write(plan, findings, folder):
 
 def page(plan, outcome):
     """The whole report; pictures are part of it."""
-    total = f"{outcome['passed']} claims hold, {outcome['failed']} do not."
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8><title>Conformance</title>",
-        f"<style>{STYLE}</style><h1>Conformance</h1><p>{total} Judged by trimesh, NumPy, SciPy.</p>",
+        f"<style>{STYLE}</style><h1>Conformance</h1><p>{summary(outcome)}. Judged by trimesh, NumPy, SciPy.</p>",
     ]
     for case in plan["cases"]:
         findings = [f for f in outcome["findings"] if f["case"] == case["name"]]
@@ -56,9 +63,9 @@ def page(plan, outcome):
         parts += [_figure(_caption(s), s["output"]) for s in case["steps"] if _pictured(s)]
         parts.append("<table><tr><th>claim<th>expected<th>found<th></tr>")
         for f in findings:
-            state = ("", "ok") if f["passed"] else (' class="failed"', "failed")
+            style = ' class="failed"' if f["passed"] is False else ""
             cells = "".join(f"<td>{html.escape(f[c])}" for c in ("claim", "expected", "found"))
-            parts.append(f"<tr{state[0]}>{cells}<td>{state[1]}</tr>")
+            parts.append(f"<tr{style}>{cells}<td>{STATES[f['passed']]}</tr>")
         commands = html.escape("\n".join(s["command"] for s in case["steps"]))
         parts.append(f"</table><details><summary>commands</summary><pre>{commands}</pre></details>")
     return "\n".join(parts) + "\n</html>\n"

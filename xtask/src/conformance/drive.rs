@@ -144,6 +144,7 @@ impl<'a> Driver<'a> {
         let report: Value = serde_json::from_slice(&done.stdout).unwrap_or(Value::Null);
         Ok(json!({
             "kind": kind,
+            "arguments": arguments,
             "command": format!("xfm {}", arguments.join(" ")),
             "exit": done.status.code(),
             "message": message.chars().take(MAX_MESSAGE).collect::<String>(),
