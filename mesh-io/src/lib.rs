@@ -51,7 +51,12 @@ mod read;
 mod stream;
 mod write;
 
+// Shared by the formats; with some of them left out, some of it is not needed.
 #[cfg(any(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
+#[cfg_attr(
+    not(all(feature = "stl", feature = "ply", feature = "obj", feature = "gltf")),
+    allow(dead_code)
+)]
 mod codec;
 
 #[cfg(feature = "gltf")]

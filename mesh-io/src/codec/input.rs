@@ -58,7 +58,6 @@ impl<R: Read> Input<R> {
     }
 
     /// The same stream behind another type of reader.
-    #[cfg(feature = "ply")]
     pub(crate) fn map_reader<S>(self, map: impl FnOnce(R) -> S) -> Input<S> {
         Input {
             reader: map(self.reader),
@@ -93,7 +92,6 @@ impl<R: Read> Input<R> {
     }
 
     /// How many items of at least `item_bytes` can follow, at most `count`: the safe capacity to reserve.
-    #[cfg(any(feature = "stl", feature = "ply"))]
     pub(crate) fn plausible(&self, count: u64, item_bytes: u64) -> usize {
         let limit = match self.remaining() {
             Some(bytes) => bytes / item_bytes.max(1),
@@ -124,7 +122,6 @@ impl<R: Read> Input<R> {
     }
 
     /// Passes over `count` bytes, wherever they are.
-    #[cfg(feature = "ply")]
     pub(crate) fn skip(&mut self, mut count: u64, missing: impl Display) -> Result<(), Error> {
         while count > 0 {
             let there = self.fill(1)?;
@@ -139,7 +136,6 @@ impl<R: Read> Input<R> {
     }
 
     /// Reads what is left of a pipe or of packed data, whose checksum comes last; a plain file is left alone.
-    #[cfg(feature = "ply")]
     pub(crate) fn drain(&mut self) -> Result<(), Error> {
         while self.length.is_none() && !self.ended {
             self.start = self.end;
@@ -149,7 +145,6 @@ impl<R: Read> Input<R> {
     }
 
     /// Everything from here to the end, in memory.
-    #[cfg(feature = "gltf")]
     pub(crate) fn read_to_end(&mut self) -> Result<Vec<u8>, Error> {
         let mut all = self.window().to_vec();
         while !self.ended {
@@ -256,13 +251,11 @@ impl<R: Read> Input<R> {
     }
 
     /// How the line handed out last ended.
-    #[cfg(any(feature = "stl", feature = "obj", feature = "ply"))]
     pub(crate) fn line_end(&self) -> LineEnd {
         self.line_end
     }
 
     /// Gives the last byte of the line end back, which turns out to be data.
-    #[cfg(feature = "ply")]
     pub(crate) fn give_back_line_feed(&mut self) {
         if self.line_end == LineEnd::CrLf && self.start > 0 {
             self.start -= 1;
@@ -284,7 +277,6 @@ impl<R: Read> Input<R> {
     }
 
     /// The text ends after (or within) the line handed out last.
-    #[cfg(any(feature = "stl", feature = "ply", feature = "obj"))]
     pub(crate) fn truncated_line(&self, missing: impl Display) -> Error {
         Error::Truncated {
             name: self.name.to_string(),
@@ -301,7 +293,6 @@ impl<R: Read> Input<R> {
         self.malformed(Place::Line(self.line), problem, remedy)
     }
 
-    #[cfg(any(feature = "ply", feature = "obj"))]
     pub(crate) fn out_of_range(&self, place: Place, index: i64, num_vertices: u64) -> Error {
         Error::IndexOutOfRange { name: self.name.to_string(), place, index, num_vertices }
     }

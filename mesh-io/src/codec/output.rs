@@ -166,7 +166,7 @@ fn temporary_beside(target: &Path, folder: &Path) -> io::Result<NamedTempFile> {
         use std::os::unix::fs::PermissionsExt;
         // The usual permissions for a new file (less the umask), not the private ones of a temporary one.
         builder.permissions(std::fs::Permissions::from_mode(0o666));
-        return builder.tempfile_in(folder);
+        builder.tempfile_in(folder)
     }
     #[cfg(not(unix))]
     builder.tempfile_in(folder)
@@ -314,7 +314,6 @@ impl<W: Write> Pen<W> {
     }
 
     /// The writer, without what is not flushed yet.
-    #[cfg(feature = "ply")]
     pub(crate) fn into_writer(self) -> W {
         self.writer
     }

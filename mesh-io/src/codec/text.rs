@@ -135,14 +135,12 @@ impl<'a> Tokens<'a> {
     }
 
     /// An integer between blanks.
-    #[cfg(feature = "ply")]
     #[inline]
     pub(crate) fn integer(&mut self) -> Result<i64, Fault> {
         self.integer_until(b' ')
     }
 
     /// Passes over what is left of the token begun.
-    #[cfg(feature = "obj")]
     #[inline]
     pub(crate) fn skip_token_rest(&mut self) {
         while let [first, tail @ ..] = self.rest
@@ -153,7 +151,6 @@ impl<'a> Tokens<'a> {
     }
 
     /// Passes over one token.
-    #[cfg(feature = "ply")]
     pub(crate) fn skip_word(&mut self) -> Result<(), Fault> {
         self.word().map(|_| ()).ok_or(Fault::Missing)
     }

@@ -77,7 +77,6 @@ pub(crate) struct Welder {
 
 impl Welder {
     /// Never forgets.
-    #[cfg(any(feature = "stl", feature = "gltf"))]
     pub(crate) fn exact() -> Self {
         Self::with_generation(usize::MAX)
     }

@@ -3,6 +3,7 @@
 mod header;
 mod positions;
 mod read;
+mod rows;
 mod write;
 
 pub(crate) use read::{Origin, PlyReader, read_mesh};
