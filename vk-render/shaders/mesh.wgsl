@@ -80,14 +80,14 @@ fn towards_eye(position: vec3<f32>) -> vec3<f32> {
 
 // A key from the upper left, a cooler fill from the right, sky and ground; all of them travel with the camera.
 fn lit(base: vec3<f32>, n: vec3<f32>, position: vec3<f32>) -> vec3<f32> {
-    let key = normalize(vec3<f32>(-0.50, 0.66, 0.62));
+    let key = normalize(vec3<f32>(-0.60, 0.66, 0.45));
     let fill = normalize(vec3<f32>(0.80, -0.05, 0.45));
     let to_eye = towards_eye(position);
 
-    let key_share = pow(clamp(dot(n, key) * 0.85 + 0.15, 0.0, 1.0), 1.25);
-    let fill_share = max(dot(n, fill) * 0.8 + 0.2, 0.0);
-    let ambient = mix(vec3<f32>(0.085, 0.075, 0.070), vec3<f32>(0.190, 0.210, 0.240), n.y * 0.5 + 0.5);
-    let light = ambient + key_share * vec3<f32>(1.02, 0.98, 0.91) + fill_share * vec3<f32>(0.15, 0.18, 0.23);
+    let key_share = clamp(dot(n, key) * 0.92 + 0.08, 0.0, 1.0);
+    let fill_share = max(dot(n, fill), 0.0);
+    let ambient = mix(vec3<f32>(0.050, 0.044, 0.040), vec3<f32>(0.120, 0.135, 0.160), n.y * 0.5 + 0.5);
+    let light = ambient + key_share * vec3<f32>(1.12, 1.06, 0.97) + fill_share * vec3<f32>(0.15, 0.18, 0.23);
 
     let half_way = normalize(key + to_eye);
     let shine = pow(max(dot(n, half_way), 0.0), 38.0) * 0.075;

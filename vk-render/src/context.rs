@@ -71,6 +71,12 @@ impl Context {
         &self.device.name
     }
 
+    /// Whether the device draws on the processor. There more than one sample per pixel costs more than twice the time,
+    /// which a window that must keep up may want to save: see [`ContextOptions::max_samples`].
+    pub fn is_software(&self) -> bool {
+        self.device.software
+    }
+
     /// Whether the validation layer was asked for and is there.
     pub fn validates(&self) -> bool {
         self.device.instance.validates()

@@ -90,6 +90,12 @@ fn a_device_is_chosen_by_name_or_place() {
     let mut options = ContextOptions::default();
     options.device = DeviceChoice::Name(name.to_uppercase());
     assert_eq!(Context::new(&options).expect("the same").device_name(), name);
+    options.device = DeviceChoice::Software;
+    match Context::new(&options) {
+        Ok(context) => assert!(context.is_software()),
+        // A machine may have nothing but a graphics card.
+        Err(error) => assert!(matches!(error, Error::DeviceNotFound { .. }), "{error}"),
+    }
     options.device = DeviceChoice::Index(0);
     Context::new(&options).expect("the first");
     for choice in [DeviceChoice::Index(1000), DeviceChoice::Name("no such card".into())] {

@@ -34,6 +34,8 @@ pub(crate) struct Device {
     pub(super) memory: vk::PhysicalDeviceMemoryProperties,
     pub(super) queue_family: u32,
     pub(crate) name: String,
+    /// Whether it draws on the processor.
+    pub(crate) software: bool,
     pub(crate) limits: vk::PhysicalDeviceLimits,
     pub(crate) depth_format: vk::Format,
     /// The highest index a triangle may hold.
@@ -111,6 +113,7 @@ impl Device {
             memory,
             queue_family: candidate.queue_family,
             name: candidate.name,
+            software: candidate.properties.device_type == vk::PhysicalDeviceType::CPU,
             depth_format,
             max_index: if wide { u32::MAX - 1 } else { limits.max_draw_indexed_index_value },
             limits,
