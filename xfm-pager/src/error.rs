@@ -19,6 +19,14 @@ pub enum Error {
         /// The quota given.
         hard_quota_bytes: usize,
     },
+    /// The coarsest mesh in the file is not a manifold.
+    #[error("{}: the coarsest mesh is damaged: {source}", file.display())]
+    BaseMesh {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        source: halfedge::BuildError,
+    },
 }
 
 /// A page that cannot be read: its detail is not shown.

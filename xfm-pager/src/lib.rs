@@ -1,7 +1,8 @@
 //! Pages the nodes of a `.xfm` file in and out under a memory quota.
 //!
 //! [`Pager`] is the [`mergetree::NodeStore`] of a forest that need not fit into memory. Each frame:
-//! [`Pager::begin_frame`], then [`mergetree::Front::update`], which requests the nodes that the view wants.
+//! [`Pager::begin_frame`], then [`mergetree::Front::update`], which requests the nodes that the view wants. [`Session`] does
+//! both for a camera, and chooses the tolerance.
 //!
 //! ```
 //! use glam::Vec3;
@@ -39,9 +40,11 @@ mod error;
 mod options;
 mod pager;
 mod resident;
+mod session;
 mod stats;
 
 pub use error::{Error, Problem};
 pub use options::PagerOptions;
 pub use pager::Pager;
+pub use session::{Detail, FrameStats, Session};
 pub use stats::{Counters, PagerStats};
