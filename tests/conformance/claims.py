@@ -97,7 +97,7 @@ class Case:
             else:
                 mesh = _load(step["output"])
                 judge(name, step, mesh)
-        except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
+        except Exception as error:  # A report or a file that is not as agreed.
             self._claim(f"{name}: can be judged", "yes", f"{type(error).__name__}: {error}", False)
 
     def _judge_build(self, name, step):
@@ -223,4 +223,9 @@ def _step_name(step):
 
 def judge(plan):
     """The findings of one case, as plain dictionaries."""
-    return [asdict(finding) for finding in Case(plan).judge()]
+    try:
+        findings = Case(plan).judge()
+    except Exception as error:  # Whatever it is, the other cases are still to be judged.
+        found = f"{type(error).__name__}: {error}"
+        findings = [Finding(plan["name"], "input can be judged", "yes", found, False)]
+    return [asdict(finding) for finding in findings]

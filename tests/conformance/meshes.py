@@ -5,13 +5,37 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+# Materials would need a library for pictures.
+OBJ_OPTIONS = {"skip_materials": True, "group_material": False, "split_object": False}
+
 
 def load(path):
     """A mesh with the file's own vertices and faces; of an STL, vertices welded by their bits."""
-    mesh = trimesh.load(path, process=False, maintain_order=True, force="mesh")
-    if not isinstance(mesh, trimesh.Trimesh):
+    suffix = Path(path).suffix.lower()
+    options = OBJ_OPTIONS if suffix == ".obj" else {}
+    scene = trimesh.load_scene(path, process=False, maintain_order=True, **options)
+    mesh = _joined(scene)
+    if len(mesh.faces) == 0:
         raise ValueError(f"{path}: no triangles")
-    return weld(mesh) if Path(path).suffix.lower() == ".stl" else mesh
+    return weld(mesh) if suffix == ".stl" else mesh
+
+
+def _joined(scene):
+    """All of a scene's meshes as one, without materials: copying those needs more libraries."""
+    vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
+    for node in scene.graph.nodes_geometry:
+        transform, name = scene.graph[node]
+        part = scene.geometry[name]
+        if not isinstance(part, trimesh.Trimesh):
+            continue
+        moved = not np.array_equal(transform, np.eye(4))
+        positions = trimesh.transform_points(part.vertices, transform) if moved else part.vertices
+        vertices.append(np.asarray(positions))
+        faces.append(np.asarray(part.faces) + count)
+        count += len(positions)
+    return trimesh.Trimesh(
+        np.concatenate(vertices), np.concatenate(faces), process=False, validate=False
+    )
 
 
 def weld(mesh):
