@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::commands::{build, diff, extract, info, verify};
+use crate::commands::{build, diff, extract, fly, info, verify};
 use crate::report::say;
 use crate::{Error, interrupt, one_line};
 
@@ -27,6 +27,7 @@ enum Command {
     Verify(verify::VerifyArgs),
     Extract(extract::ExtractArgs),
     Diff(diff::DiffArgs),
+    Fly(fly::FlyArgs),
 }
 
 /// Runs the command line `args`, whose first element is the program's name.
@@ -62,6 +63,7 @@ fn dispatch(command: &Command) -> Result<(), Error> {
         Command::Verify(args) => verify::run(args),
         Command::Extract(args) => extract::run(args),
         Command::Diff(args) => diff::run(args),
+        Command::Fly(args) => fly::run(args),
     }
 }
 

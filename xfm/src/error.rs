@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use halfedge::BuildError;
-use mergetree::ForestError;
+use mergetree::{CameraPathError, ForestError};
 
 use crate::distance::DistanceError;
 use crate::text;
@@ -98,6 +98,25 @@ pub enum Error {
         file: PathBuf,
         /// How many.
         nodes: u64,
+    },
+    /// A `.xfm` file could not be paged.
+    #[error(transparent)]
+    Pager(#[from] xfm_pager::Error),
+    /// A camera path could not be read.
+    #[error("{}: cannot read the camera path: {source}; give `orbit` or a text file", file.display())]
+    ReadPath {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A camera path makes no sense.
+    #[error("{}: {source}; write one pose per line: eye x y z, at x y z", file.display())]
+    CameraPath {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong, and where.
+        source: CameraPathError,
     },
     /// A file has been found to be damaged.
     #[error(

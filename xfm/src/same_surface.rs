@@ -47,7 +47,8 @@ pub fn difference(
         };
         let odd = match order {
             Ordering::Equal => {
-                (a.next(), b.next());
+                a.next();
+                b.next();
                 None
             }
             Ordering::Less => {

@@ -46,3 +46,29 @@ fn a_reader_that_closes_the_report_early_is_no_failure() {
     assert_eq!(output.status.code(), Some(0));
     assert_eq!(output.stderr, b"");
 }
+
+#[cfg(unix)]
+#[test]
+fn an_interruption_ends_at_once_and_leaves_nothing() {
+    use std::io::Write;
+    use std::process::{Command, Stdio};
+
+    let folder = Folder::new();
+    let mut child = common::command(&["build", "-", &folder.file("out.xfm"), "--from", "obj"])
+        .stdin(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary runs");
+    // The pipe stays open: without the signal the command would wait for more.
+    let mut stdin = child.stdin.take().expect("standard input is a pipe");
+    stdin.write_all(b"v 0 0 0\n").expect("the command reads");
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    let signal = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(signal.is_ok_and(|status| status.success()));
+    let output = child.wait_with_output().expect("the binary ends");
+    drop(stdin);
+    assert_eq!(output.status.code(), Some(130));
+    let told = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(told, "error: interrupted; no output was written\n");
+    assert_eq!(folder.names(), Vec::<String>::new());
+}

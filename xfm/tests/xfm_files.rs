@@ -114,6 +114,64 @@ fn the_format_of_a_pipe_shows_in_its_content() {
 }
 
 #[test]
+fn a_flight_reports_every_step() {
+    let folder = Folder::new();
+    let input = folder.write("torus.obj", torus(120, 60));
+    let file = folder.file("torus.xfm");
+    xfm(&["build", &input, &file, "--json"]).json();
+    let flown = xfm(&["fly", &file, "--frames", "20", "--pixels", "2", "--json"]).json();
+    assert_eq!(flown["frames"], 20);
+    for number in ["triangles_shown", "updates", "tests", "blocks_loaded", "resident_bytes"] {
+        assert!(flown[number].as_f64().is_some_and(|value| value > 0.0), "{number}: {flown}");
+    }
+    for spread in ["frame_s", "update_s", "test_s", "handover_s", "load_s"] {
+        let [median, p99, max] =
+            ["median", "p99", "max"].map(|key| flown[spread][key].as_f64().expect(key));
+        assert!(0.0 <= median && median <= p99 && p99 <= max, "{spread}: {flown}");
+    }
+    let told = xfm(&["fly", &file, "--frames", "5"]);
+    assert_eq!((told.code, told.stdout.as_str()), (0, ""));
+    for column in ["triangles shown", "(U)", "(VT)", "(BL)", "median", "p99", "max"] {
+        assert!(told.stderr.contains(column), "{column} in {}", told.stderr);
+    }
+}
+
+#[test]
+fn a_flight_keeps_its_budget_and_its_quota() {
+    let folder = Folder::new();
+    let input = folder.write("torus.obj", torus(150, 80));
+    let file = folder.file("torus.xfm");
+    xfm(&["build", &input, &file, "--json"]).json();
+    let flown = xfm(&["fly", &file, "--frames", "40", "--budget", "3000", "--json"]).json();
+    let most = flown["per_frame"]["triangles_shown"]["max"].as_f64().expect("a count");
+    assert!(most <= 3000.0 * 1.05 && most > 1500.0, "{flown}");
+    let quota = ["--soft-quota", "600KiB", "--hard-quota", "700KiB"];
+    let args = [&["fly", &file, "--frames", "40", "--pixels", "0.5", "--json"][..], &quota];
+    let flown = xfm(&args.concat()).json();
+    assert!(flown["resident_bytes"].as_u64().is_some_and(|bytes| bytes <= 700 << 10), "{flown}");
+    let ran = xfm(&["fly", &file, "--hard-quota", "1KiB"]);
+    let line = ran.error_line();
+    assert!(line.contains("torus.xfm") && line.contains("hard quota"), "{line}");
+}
+
+#[test]
+fn a_flight_follows_a_path_from_a_file() {
+    let folder = Folder::new();
+    let input = folder.write("torus.obj", torus(40, 20));
+    let file = folder.file("torus.xfm");
+    xfm(&["build", &input, &file, "--json"]).json();
+    let path = folder.write("path.txt", "# there and back\n0 0 5 0 0 0\n0 1 3 0 0 0 0 1 0\n");
+    let flown = xfm(&["fly", &file, "--path", &path, "--frames", "7", "--json"]).json();
+    assert_eq!(flown["frames"], 7);
+    let bad = folder.write("bad.txt", "0 0 5 0 0 0\n0 1\n");
+    let ran = xfm(&["fly", &file, "--path", &bad]);
+    let line = ran.error_line();
+    assert!(line.contains("bad.txt") && line.contains("line 2"), "{line}");
+    let ran = xfm(&["fly", &file, "--path", &folder.file("none.txt")]);
+    assert!(ran.error_line().contains("none.txt"));
+}
+
+#[test]
 fn the_file_is_the_same_for_any_number_of_threads() {
     let folder = Folder::new();
     let input = folder.write("torus.obj", torus(50, 40));
@@ -229,7 +287,9 @@ fn failures_name_the_file_and_the_remedy_on_one_line() {
 
 #[test]
 fn wrong_usage_exits_with_2() {
-    let cases: [&[&str]; 9] = [
+    let cases: [&[&str]; 11] = [
+        &["fly", "a.xfm", "--pixels", "1", "--budget", "5"],
+        &["fly", "a.xfm", "--hard-quota", "much"],
         &["build", "a.obj"],
         &["build", "a.obj", "b.xfm", "--memory", "lots"],
         &["build", "a.obj", "b.xfm", "--levels", "6"],

@@ -3,5 +3,6 @@
 pub mod build;
 pub mod diff;
 pub mod extract;
+pub mod fly;
 pub mod info;
 pub mod verify;

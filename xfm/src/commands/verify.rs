@@ -241,8 +241,12 @@ fn compare(
     let found = difference((&repaired.positions, &expected), (&full.positions, &full.triangles));
     if let Some(near) = found.near {
         let near = near.map(|c| c.to_string()).join(", ");
+        let blocked = match full.damaged {
+            0 => String::new(),
+            nodes => format!(" ({} nodes could not be split)", text::count(nodes as u64)),
+        };
         let message = format!(
-            "{} of {} are missing and {} are not in {}, one of them at {near}",
+            "{} of {} are missing and {} are not in {}, one of them at {near}{blocked}",
             text::count(found.missing),
             text::count(expected.len() as u64),
             text::count(found.extra),
