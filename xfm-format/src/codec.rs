@@ -22,7 +22,7 @@ pub(crate) struct PageContext {
     pub names: HalfEdgeNames,
     /// One more than the largest name of a half-edge.
     pub num_half_edges: u64,
-    pub num_base_half_edges: u64,
+    pub num_base_half_edges: u32,
     pub num_nodes: u64,
     pub num_blocks: u64,
     /// Numbers per node of attributes that this version reads over.
@@ -36,7 +36,7 @@ impl PageContext {
             numbering: header.numbering(),
             names: HalfEdgeNames::new(header.base_faces as usize),
             num_half_edges: header.num_half_edges(),
-            num_base_half_edges: 3 * header.base_faces,
+            num_base_half_edges: 3 * header.base_faces as u32,
             num_nodes: header.nodes,
             num_blocks: header.blocks,
             unknown_components: header
@@ -54,13 +54,11 @@ impl PageContext {
         if name >= self.num_half_edges {
             return None;
         }
-        if let Some(of_nodes) = name.checked_sub(self.num_base_half_edges) {
-            let slots = u64::from(self.numbering.slots());
-            if (of_nodes / 6) & slots == slots {
-                return None;
-            }
+        let slots = self.numbering.slots();
+        match (name as u32).checked_sub(self.num_base_half_edges) {
+            Some(of_nodes) if (of_nodes / 6) & slots == slots => None,
+            _ => Some(HalfEdgeId::new(name as u32)),
         }
-        Some(HalfEdgeId::new(name as u32))
     }
 }
 

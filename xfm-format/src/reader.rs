@@ -162,8 +162,8 @@ impl XfmFile {
         let [nodes, blocks, length] =
             [largest(|e| e.nodes), largest(|e| e.blocks), largest(|e| e.length)];
         let page = nodes * size_of::<Node>() + blocks * size_of::<crate::page::BlockEntry>();
-        // Two columns of two values per node at most, references and a plane, each in memory that may have doubled.
-        [page, length + nodes * (2 * 32 + 2 * 8 + 2) + ZSTD_CONTEXT_BYTES]
+        // Two columns of two values per node at most, references, names and a plane, each in memory that may have doubled.
+        [page, length + nodes * 2 * (32 + 8 + 4 + 1) + ZSTD_CONTEXT_BYTES]
     }
 
     /// Bytes that header, coarsest mesh and page index take in memory.

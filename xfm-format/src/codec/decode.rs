@@ -3,7 +3,8 @@
 use std::io;
 
 use glam::Vec3;
-use mergetree::{Node, NodeId, OctNormal};
+use halfedge::HalfEdgeId;
+use mergetree::{HalfEdgeName, Node, OctNormal};
 
 use super::{FieldBytes, PageContext, Reference};
 use crate::bounds;
@@ -20,6 +21,8 @@ pub(crate) struct PageDecoder {
     columns: ColumnDecoder,
     values: Vec<u64>,
     references: Vec<Reference>,
+    /// Name of half-edge 0 of every node.
+    own: Vec<u32>,
     /// What the fields of the last page took.
     pub bytes: FieldBytes,
 }
@@ -44,6 +47,7 @@ impl PageDecoder {
             columns: ColumnDecoder::new()?,
             values: Vec::new(),
             references: Vec::new(),
+            own: Vec::new(),
             bytes: FieldBytes::default(),
         })
     }
@@ -192,6 +196,7 @@ impl PageDecoder {
         let mut expected = i64::from(first_block) + 1;
         let mut last_top = 0;
         self.references.clear();
+        self.own.clear();
         for index in 0..page.blocks.len() {
             let block = page.blocks[index];
             let id = BlockId::new(first_block + index as u32);
@@ -221,6 +226,7 @@ impl PageDecoder {
                         Reference { node, is_parent: false }
                     }
                 });
+                self.own.push(context.names.of_node(numbering.node(id, slot), 0).get());
                 let node = &mut page.nodes[first as usize + rank];
                 node.parent = match slot {
                     0 => block.parent,
@@ -336,28 +342,18 @@ impl PageDecoder {
         page: &mut Page,
     ) -> Result<(), Defect> {
         self.read(cursor, "adjacent half-edge", page.nodes.len(), 8)?;
-        let mut values = self.values.iter();
-        for (index, block) in page.blocks.iter().enumerate() {
-            let id = BlockId::new(page.first_block + index as u32);
-            let first = block.first_node as usize;
-            let nodes = page.nodes[first..].iter_mut();
-            for ((slot, node), &code) in slots_of(block.mask).zip(nodes).zip(&mut values) {
-                node.adjacent[which] = match code.checked_sub(1) {
-                    None => None,
-                    Some(code) => {
-                        let own: NodeId = context.numbering.node(id, slot);
-                        let own = u64::from(context.names.of_node(own, 0).get());
-                        let target = own
-                            .checked_add_signed(unzigzag(code))
-                            .and_then(|name| context.half_edge(name));
-                        let missing = || {
-                            let place = Place::Node(context.numbering.node(id, slot).get().into());
-                            Defect::new(place, "names a half-edge that cannot be")
-                        };
-                        Some(target.ok_or_else(missing)?)
-                    }
+        for ((node, &own), &code) in page.nodes.iter_mut().zip(&self.own).zip(&self.values) {
+            let Some(code) = code.checked_sub(1) else { continue };
+            let name = u64::from(own).wrapping_add_signed(unzigzag(code));
+            // What wraps around is beyond all half-edges.
+            let half_edge = context.half_edge(name).ok_or_else(|| {
+                let place = match context.names.resolve(HalfEdgeId::new(own)) {
+                    HalfEdgeName::Node(id, _) => Place::Node(id.get().into()),
+                    HalfEdgeName::Base(_) => Place::Base,
                 };
-            }
+                Defect::new(place, "names a half-edge that cannot be")
+            })?;
+            node.adjacent[which] = Some(half_edge);
         }
         Ok(())
     }
