@@ -89,6 +89,9 @@ class Case:
             return
         if exit_code != 0:
             reason = last or "no message"
+            if kind == "build":
+                # Said once; not again by all that needs the file.
+                self.absent.add(arguments[2])
             self._claim(f"{name}: done", "exit 0", f"exit {exit_code}: {reason}", False)
             return
         judge = getattr(self, f"_judge_{kind}")
