@@ -18,7 +18,6 @@
 
 pub mod commands;
 pub mod distance;
-pub mod flight;
 pub mod interrupt;
 pub mod level;
 pub mod memory;

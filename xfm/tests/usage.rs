@@ -61,8 +61,8 @@ fn an_interruption_ends_at_once_and_leaves_nothing() {
         .expect("the binary runs");
     // The pipe stays open: without the signal the command would wait for more.
     let mut stdin = child.stdin.take().expect("standard input is a pipe");
-    stdin.write_all(b"v 0 0 0\n").expect("the command reads");
-    std::thread::sleep(std::time::Duration::from_millis(500));
+    // More than a pipe holds: once it is all written, the command is reading.
+    stdin.write_all(&b"v 0 0 0\n".repeat(1 << 17)).expect("the command reads");
     let signal = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(signal.is_ok_and(|status| status.success()));
     let output = child.wait_with_output().expect("the binary ends");
