@@ -152,6 +152,15 @@ impl Pager {
         self.residents.blocks()
     }
 
+    /// The part of [`resident_bytes`](Self::resident_bytes) that is in use, which the soft quota is about. The rest will be
+    /// used by more blocks, should they come.
+    ///
+    /// # Units
+    /// Bytes.
+    pub fn used_bytes(&self) -> usize {
+        self.resident_bytes() - self.residents.free_bytes()
+    }
+
     /// What the pager has and did.
     pub fn stats(&self) -> PagerStats {
         let mut total = self.total;
@@ -160,6 +169,7 @@ impl Pager {
             resident_blocks: self.residents.num_blocks(),
             resident_nodes: self.residents.num_nodes(),
             resident_bytes: self.resident_bytes(),
+            used_bytes: self.used_bytes(),
             peak_bytes: self.peak_bytes,
             damaged_pages: self.problems.len(),
             frame: self.frame,
@@ -172,12 +182,13 @@ impl Pager {
     /// To be called before every update of the front: without frames nothing is ever removed.
     pub fn begin_frame(&mut self) {
         self.total.add(&std::mem::take(&mut self.frame));
-        while self.resident_bytes() > self.options.soft_quota_bytes && self.cache.shrink() {}
+        while self.used_bytes() > self.options.soft_quota_bytes && self.cache.shrink() {}
         let last_frame = self.residents.clock;
         let others = self.resident_bytes() - self.residents.bytes();
         let soft = self.options.soft_quota_bytes;
-        let evicted =
-            self.residents.evict(last_frame, |residents| others + residents.bytes() > soft);
+        let evicted = self.residents.evict(last_frame, |residents| {
+            others + residents.bytes() - residents.free_bytes() > soft
+        });
         self.frame.evictions += evicted as u64;
         self.residents.clock += 1;
     }
@@ -212,19 +223,15 @@ impl Pager {
         if self.is_lost(number) {
             return false;
         }
-        // Even the smallest block has a node: no use in reading the page when that does not fit.
-        if !self.make_room(|residents| residents.cost(1)) {
-            self.frame.refusals += 1;
-            return false;
-        }
-        if self.cache.find(number).is_some() {
-            self.frame.page_hits += 1;
-        } else {
-            let more = self.resident_bytes() + self.cache.cost() + self.residents.cost(31);
-            if self.cache.len() < self.options.cached_pages && more <= self.options.soft_quota_bytes
-            {
-                self.cache.grow();
+        let inflated = self.cache.find(number).is_some();
+        if !inflated {
+            // Whether the block fits shows once its page is unpacked: done only if a full one does.
+            let slots = self.numbering().slots() as usize;
+            if !self.make_room(|residents| residents.cost(slots)) {
+                self.frame.refusals += 1;
+                return false;
             }
+            self.grow_cache();
             if !self.read_page(number) {
                 return false;
             }
@@ -242,8 +249,47 @@ impl Pager {
         // A root's block comes here only when it could not be read at first.
         self.residents.insert(&block, block.parent.is_none());
         self.frame.loads += 1;
+        if inflated {
+            self.frame.page_hits += 1;
+        } else {
+            self.read_ahead(number);
+        }
         self.note_peak();
         true
+    }
+
+    /// Makes room for another page where a quarter of the soft quota is not taken by pages.
+    fn grow_cache(&mut self) {
+        let cost = self.cache.cost();
+        let pages = (self.cache.len() + 1) * cost;
+        // A block of any size must still fit.
+        let all = self.resident_bytes() + cost + self.residents.cost(31);
+        if self.cache.len() < self.options.cached_pages
+            && pages <= self.options.soft_quota_bytes / 4
+            && all <= self.options.hard_quota_bytes
+        {
+            self.cache.grow();
+        }
+    }
+
+    /// Keeps the other blocks of a page too, as long as memory is plenty: unpacking it again would cost more.
+    fn read_ahead(&mut self, number: usize) {
+        let plenty = self.options.soft_quota_bytes / 4 * 3;
+        let others = self.resident_bytes() - self.residents.bytes();
+        let Some(page) = self.cache.find(number) else { return };
+        for block in page.blocks() {
+            let residents = &mut self.residents;
+            if residents.contains(block.id) {
+                continue;
+            }
+            // A run of nodes that is free is in use afterwards.
+            let cost = residents.cost(block.nodes.len()).max(size_of_val(block.nodes));
+            if others + residents.bytes() + cost > plenty {
+                break;
+            }
+            residents.insert(&block, block.parent.is_none());
+            self.frame.read_ahead += 1;
+        }
     }
 
     fn is_lost(&self, page: usize) -> bool {

@@ -5,17 +5,17 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use mergetree::{Node, NodeId, SlotId};
 use xfm_format::{Block, BlockId, Numbering};
 
-const NONE: u32 = u32::MAX;
+use crate::arena::Arena;
 
-/// What the allocator needs beside a block's nodes, on average: they are aligned to cache lines.
-const ALLOCATION_OVERHEAD: usize = 48;
+const NONE: u32 = u32::MAX;
 
 /// A block in memory.
 #[derive(Debug)]
 struct Resident {
-    /// `None` for an entry that is free.
-    nodes: Option<Box<[Node]>>,
+    /// Where its nodes are in the arena.
+    nodes: u32,
     block: u32,
+    /// 0 for an entry that is free.
     mask: u32,
     /// Frame in which it was last looked at. Set through a shared reference, hence atomic.
     last_used: AtomicU32,
@@ -39,6 +39,7 @@ pub(crate) struct Residents {
     /// Per block of the file one more than its entry, or 0.
     directory: Vec<u32>,
     entries: Vec<Resident>,
+    arena: Arena,
     free: u32,
     oldest: u32,
     newest: u32,
@@ -56,6 +57,7 @@ impl Residents {
             // Pages of it that are never touched take no memory.
             directory: vec![0; num_blocks],
             entries: Vec::new(),
+            arena: Arena::default(),
             free: NONE,
             oldest: NONE,
             newest: NONE,
@@ -76,7 +78,7 @@ impl Residents {
 
     /// The blocks in memory.
     pub fn blocks(&self) -> impl Iterator<Item = BlockId> + '_ {
-        let present = self.entries.iter().filter(|resident| resident.nodes.is_some());
+        let present = self.entries.iter().filter(|resident| resident.mask != 0);
         present.map(|resident| BlockId::new(resident.block))
     }
 
@@ -84,14 +86,19 @@ impl Residents {
     pub fn bytes(&self) -> usize {
         size_of_val(&self.directory[..])
             + self.entries.capacity() * size_of::<Resident>()
-            + self.num_nodes * size_of::<Node>()
-            + self.num_blocks * ALLOCATION_OVERHEAD
+            + self.arena.bytes()
+    }
+
+    /// The part of [`bytes`](Self::bytes) that will be used by more blocks, should they come.
+    pub fn free_bytes(&self) -> usize {
+        let free = self.entries.capacity() - self.num_blocks;
+        free * size_of::<Resident>() + self.arena.free_bytes()
     }
 
     /// Memory that a block of so many nodes would take more.
     pub fn cost(&self, num_nodes: usize) -> usize {
         let entries = if self.is_full() { self.growth() * size_of::<Resident>() } else { 0 };
-        entries + num_nodes * size_of::<Node>() + ALLOCATION_OVERHEAD
+        entries + self.arena.cost(num_nodes)
     }
 
     fn is_full(&self) -> bool {
@@ -115,7 +122,7 @@ impl Residents {
             resident.last_used.store(self.clock, Relaxed);
         }
         let rank = Numbering::rank(resident.mask, self.numbering.slot(id))?;
-        resident.nodes.as_deref()?.get(rank)
+        self.arena.get(resident.nodes, rank)
     }
 
     /// Takes a block that is not in memory yet. A pinned one stays.
@@ -125,7 +132,7 @@ impl Residents {
             self.entries.reserve_exact(self.growth());
         }
         let resident = Resident {
-            nodes: Some(block.nodes.into()),
+            nodes: self.arena.insert(block.nodes),
             block: block.id.get(),
             mask: block.mask,
             last_used: AtomicU32::new(self.clock),
@@ -159,7 +166,7 @@ impl Residents {
         let rank_slot = self.numbering.slot(id);
         let resident = &mut self.entries[entry as usize];
         let node = Numbering::rank(resident.mask, rank_slot)
-            .and_then(|rank| resident.nodes.as_deref_mut()?.get_mut(rank))
+            .and_then(|rank| self.arena.get_mut(resident.nodes, rank))
             .unwrap_or_else(|| panic!("node {id} is not resident"));
         let was_split = std::mem::replace(&mut node.slot, slot).is_some();
         resident.last_used.store(self.clock, Relaxed);
@@ -199,7 +206,9 @@ impl Residents {
 
     fn remove(&mut self, entry: u32) {
         let resident = &mut self.entries[entry as usize];
-        self.num_nodes -= resident.nodes.take().map_or(0, |nodes| nodes.len());
+        let num_nodes = std::mem::take(&mut resident.mask).count_ones() as usize;
+        self.arena.remove(resident.nodes, num_nodes);
+        self.num_nodes -= num_nodes;
         self.num_blocks -= 1;
         self.directory[resident.block as usize] = 0;
         resident.next = self.free;
@@ -235,20 +244,22 @@ impl Residents {
 
     /// Checks that directory, entries, list and counts agree.
     pub fn validate(&self) -> Result<(), String> {
+        self.arena.validate()?;
         let mut num_nodes = 0;
         let mut num_listed = 0;
         let mut num_blocks = 0;
         for (index, resident) in self.entries.iter().enumerate() {
-            let Some(nodes) = resident.nodes.as_deref() else { continue };
+            if resident.mask == 0 {
+                continue;
+            }
+            let count = resident.mask.count_ones() as usize;
             num_blocks += 1;
-            num_nodes += nodes.len();
+            num_nodes += count;
             if self.directory.get(resident.block as usize) != Some(&(index as u32 + 1)) {
                 return Err(format!("the directory does not lead to block {}", resident.block));
             }
-            if nodes.len() != resident.mask.count_ones() as usize {
-                return Err(format!("block {} has a wrong number of nodes", resident.block));
-            }
-            let num_split = nodes.iter().filter(|node| node.slot.is_some()).count();
+            let nodes = (0..count).filter_map(|rank| self.arena.get(resident.nodes, rank));
+            let num_split = nodes.filter(|node| node.slot.is_some()).count();
             if num_split != resident.num_split as usize {
                 return Err(format!("block {} counts its split nodes wrongly", resident.block));
             }
@@ -261,7 +272,7 @@ impl Residents {
         let (mut entry, mut prev, mut walked) = (self.oldest, NONE, 0);
         while entry != NONE && walked <= num_listed {
             let resident = &self.entries[entry as usize];
-            if resident.prev != prev || resident.nodes.is_none() || resident.num_split > 0 {
+            if resident.prev != prev || resident.mask == 0 || resident.num_split > 0 {
                 return Err(format!("the list is broken at block {}", resident.block));
             }
             (prev, entry, walked) = (entry, resident.next, walked + 1);

@@ -10,8 +10,10 @@ pub struct Counters {
     pub hits: u64,
     /// Requests for a node that was not.
     pub misses: u64,
-    /// Blocks loaded.
+    /// Blocks loaded because they were requested.
     pub loads: u64,
+    /// Blocks kept because their page was read for another one.
+    pub read_ahead: u64,
     /// Blocks that were not loaded because the hard quota left no room.
     pub refusals: u64,
     /// Blocks loaded from a page that was still inflated.
@@ -31,6 +33,7 @@ impl Counters {
         self.hits += other.hits;
         self.misses += other.misses;
         self.loads += other.loads;
+        self.read_ahead += other.read_ahead;
         self.refusals += other.refusals;
         self.page_hits += other.page_hits;
         self.pages_inflated += other.pages_inflated;
@@ -50,6 +53,8 @@ pub struct PagerStats {
     pub resident_nodes: usize,
     /// All memory the pager takes: nodes, directory, coarsest mesh, page index, inflated pages, working memory.
     pub resident_bytes: usize,
+    /// The part of it that is in use; the rest will be used by more blocks, should they come.
+    pub used_bytes: usize,
     /// The largest number that `resident_bytes` ever was.
     pub peak_bytes: usize,
     /// Pages that cannot be read.

@@ -34,8 +34,9 @@ fn full_refinement_gives_the_whole_mesh() {
     assert_eq!(front.num_triangles(), full(&mut forest).num_triangles());
     let stats = pager.stats();
     assert_eq!(stats.resident_nodes, forest.nodes.len());
-    assert_eq!(stats.total.loads, pager.file().num_blocks() as u64);
-    assert!(stats.total.pages_inflated >= pager.file().num_pages() as u64);
+    assert_eq!(stats.total.loads + stats.total.read_ahead, pager.file().num_blocks() as u64);
+    // Those with roots once more, at the beginning.
+    assert!(stats.total.pages_inflated <= 2 * pager.file().num_pages() as u64);
 }
 
 #[test]
@@ -61,7 +62,7 @@ fn a_tight_quota_costs_detail_and_nothing_else() {
         for _ in 0..4 {
             refine(&mut pager, &mut front, f32::INFINITY);
         }
-        assert!(pager.resident_bytes() <= minimum + room / 2);
+        assert!(pager.used_bytes() <= minimum + room / 2);
         for _ in 0..6 {
             refine(&mut pager, &mut front, 0.0);
         }

@@ -1,0 +1,260 @@
+//! Memory for the nodes of blocks, in runs of whole cache lines.
+//!
+//! A block has a few nodes of 64 aligned bytes; asking the allocator for each costs as much again as 120 bytes per block.
+//! Here they lie side by side in chunks, whose free nodes are bits.
+
+use glam::Vec3;
+use mergetree::{Node, OctNormal};
+
+/// Nodes per chunk: the bits of a `u128`.
+const CHUNK_NODES: usize = 128;
+/// What the allocator needs for a chunk beside its nodes.
+const CHUNK_OVERHEAD: usize = 128;
+/// A longer run is never asked for.
+const MAX_RUN: usize = 31;
+
+const BLANK: Node = Node {
+    position: Vec3::ZERO,
+    radius: 0.0,
+    normal: OctNormal([0, 0]),
+    cone_sine: 0.0,
+    deviation: 0.0,
+    order: 0,
+    adjacent: [None; 4],
+    left: None,
+    right: None,
+    parent: None,
+    slot: None,
+};
+
+#[derive(Debug)]
+struct Chunk {
+    /// Empty while no run of the chunk is in use.
+    nodes: Box<[Node]>,
+    /// Bit per node: whether it is in use.
+    used: u128,
+}
+
+/// Memory for runs of nodes.
+#[derive(Debug, Default)]
+pub(crate) struct Arena {
+    chunks: Vec<Chunk>,
+    /// Per chunk the length of its longest free run, up to [`MAX_RUN`]; 0 for a chunk without memory.
+    longest: Vec<u8>,
+    /// How many chunks have a longest free run of each length.
+    with_longest: [u32; MAX_RUN + 1],
+    /// Chunks without memory.
+    empty: Vec<u32>,
+    num_used: usize,
+}
+
+impl Arena {
+    /// Memory taken.
+    pub fn bytes(&self) -> usize {
+        (self.chunks.len() - self.empty.len()) * Self::chunk_bytes()
+            + self.chunks.capacity() * size_of::<Chunk>()
+            + self.longest.capacity()
+            + self.empty.capacity() * size_of::<u32>()
+    }
+
+    /// The part of [`bytes`](Self::bytes) that is in chunks and not in use.
+    pub fn free_bytes(&self) -> usize {
+        let nodes = (self.chunks.len() - self.empty.len()) * CHUNK_NODES;
+        (nodes - self.num_used) * size_of::<Node>()
+    }
+
+    const fn chunk_bytes() -> usize {
+        CHUNK_NODES * size_of::<Node>() + CHUNK_OVERHEAD
+    }
+
+    /// Memory that a run of this length would take more.
+    pub fn cost(&self, length: usize) -> usize {
+        if self.with_longest.iter().skip(length).any(|&chunks| chunks > 0) {
+            return 0;
+        }
+        let one = size_of::<Chunk>() + 1 + size_of::<u32>();
+        let table = if self.empty.is_empty() && self.chunks.len() == self.chunks.capacity() {
+            self.growth() * one
+        } else {
+            0
+        };
+        Self::chunk_bytes() + table
+    }
+
+    fn growth(&self) -> usize {
+        (self.chunks.len() / 8).max(8)
+    }
+
+    fn find(&self, length: usize) -> Option<usize> {
+        self.longest.iter().position(|&longest| usize::from(longest) >= length)
+    }
+
+    /// Stores a run of nodes, at most 31, and says where.
+    pub fn insert(&mut self, nodes: &[Node]) -> u32 {
+        debug_assert!((1..=MAX_RUN).contains(&nodes.len()));
+        let index = self.find(nodes.len()).unwrap_or_else(|| self.grow());
+        let chunk = &mut self.chunks[index];
+        let start = free_run(chunk.used, nodes.len()).trailing_zeros() as usize;
+        chunk.nodes[start..start + nodes.len()].copy_from_slice(nodes);
+        chunk.used |= ones(nodes.len()) << start;
+        let longest = longest_free_run(chunk.used);
+        self.set_longest(index, longest);
+        self.num_used += nodes.len();
+        (index * CHUNK_NODES + start) as u32
+    }
+
+    fn grow(&mut self) -> usize {
+        let nodes = vec![BLANK; CHUNK_NODES].into_boxed_slice();
+        let chunk = Chunk { nodes, used: 0 };
+        if let Some(index) = self.empty.pop() {
+            self.chunks[index as usize] = chunk;
+            return index as usize;
+        }
+        if self.chunks.len() == self.chunks.capacity() {
+            let growth = self.growth();
+            self.chunks.reserve_exact(growth);
+            let capacity = self.chunks.capacity();
+            self.longest.reserve_exact(capacity - self.longest.len());
+            self.empty.reserve_exact(capacity - self.empty.len());
+        }
+        self.chunks.push(chunk);
+        self.longest.push(0);
+        self.with_longest[0] += 1;
+        self.chunks.len() - 1
+    }
+
+    /// Frees a run.
+    pub fn remove(&mut self, at: u32, length: usize) {
+        let (index, start) = (at as usize / CHUNK_NODES, at as usize % CHUNK_NODES);
+        let chunk = &mut self.chunks[index];
+        chunk.used &= !(ones(length) << start);
+        self.num_used -= length;
+        if chunk.used == 0 {
+            chunk.nodes = Box::default();
+            self.set_longest(index, 0);
+            self.empty.push(index as u32);
+        } else {
+            let longest = longest_free_run(chunk.used);
+            self.set_longest(index, longest);
+        }
+    }
+
+    fn set_longest(&mut self, chunk: usize, longest: u8) {
+        let before = std::mem::replace(&mut self.longest[chunk], longest);
+        self.with_longest[usize::from(before)] -= 1;
+        self.with_longest[usize::from(longest)] += 1;
+    }
+
+    /// A node of the run at `at`.
+    #[inline]
+    pub fn get(&self, at: u32, rank: usize) -> Option<&Node> {
+        self.chunks.get(at as usize / CHUNK_NODES)?.nodes.get(at as usize % CHUNK_NODES + rank)
+    }
+
+    /// A node of the run at `at`, to be changed.
+    pub fn get_mut(&mut self, at: u32, rank: usize) -> Option<&mut Node> {
+        let chunk = self.chunks.get_mut(at as usize / CHUNK_NODES)?;
+        chunk.nodes.get_mut(at as usize % CHUNK_NODES + rank)
+    }
+
+    /// Checks that chunks, bits and counts agree.
+    pub fn validate(&self) -> Result<(), String> {
+        let mut num_used = 0;
+        let mut num_empty = 0;
+        let mut with_longest = [0; MAX_RUN + 1];
+        for (index, (chunk, &longest)) in self.chunks.iter().zip(&self.longest).enumerate() {
+            num_used += chunk.used.count_ones() as usize;
+            num_empty += usize::from(chunk.nodes.is_empty());
+            with_longest[usize::from(longest)] += 1;
+            let expected = if chunk.nodes.is_empty() { 0 } else { longest_free_run(chunk.used) };
+            if longest != expected || chunk.nodes.is_empty() != (chunk.used == 0) {
+                return Err(format!("chunk {index} of the arena is wrong"));
+            }
+        }
+        if (num_used, num_empty, with_longest)
+            != (self.num_used, self.empty.len(), self.with_longest)
+        {
+            return Err("the counts of the arena are wrong".into());
+        }
+        Ok(())
+    }
+}
+
+const fn ones(length: usize) -> u128 {
+    (1 << length) - 1
+}
+
+/// Bit `i` is set where a free run of this length begins at `i`.
+fn free_run(used: u128, length: usize) -> u128 {
+    let mut runs = !used;
+    let mut found = 1;
+    while found < length {
+        let step = found.min(length - found);
+        runs &= runs >> step;
+        found += step;
+    }
+    runs
+}
+
+fn longest_free_run(used: u128) -> u8 {
+    let mut runs = !used;
+    let mut length = 0;
+    while runs != 0 && length < MAX_RUN as u8 {
+        runs &= runs >> 1;
+        length += 1;
+    }
+    length
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_found_where_they_are_free() {
+        let used = 0b1001_1100u128 | u128::MAX << 16;
+        assert_eq!(free_run(used, 1) & 0xffff, 0b0110_0011 | 0xff00);
+        assert_eq!(free_run(used, 2), 0b0010_0001 | 0x7f00);
+        assert_eq!(free_run(used, 8), 0x100);
+        assert_eq!(free_run(used, 9), 0);
+        assert_eq!(longest_free_run(used), 8);
+        assert_eq!(longest_free_run(0), 31);
+        assert_eq!(longest_free_run(u128::MAX), 0);
+    }
+
+    #[test]
+    fn runs_come_back_unharmed_and_memory_is_given_back() {
+        let mut arena = Arena::default();
+        let mut runs: Vec<(u32, Vec<Node>)> = Vec::new();
+        let mut state = 7u64;
+        for step in 0..4000u32 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let random = (state >> 33) as usize;
+            if runs.is_empty() || !random.is_multiple_of(3) && step < 2500 {
+                let nodes: Vec<Node> = (0..1 + random / 3 % 31)
+                    .map(|i| Node { order: step * 100 + i as u32, ..BLANK })
+                    .collect();
+                let cost = arena.cost(nodes.len());
+                let before = arena.bytes();
+                runs.push((arena.insert(&nodes), nodes));
+                assert!(arena.bytes() <= before + cost);
+            } else {
+                let (at, nodes) = runs.swap_remove(random / 3 % runs.len());
+                arena.remove(at, nodes.len());
+            }
+            arena.validate().unwrap();
+            if step % 50 == 0 {
+                for (at, nodes) in &runs {
+                    for (rank, node) in nodes.iter().enumerate() {
+                        assert_eq!(arena.get(*at, rank), Some(node));
+                    }
+                }
+            }
+        }
+        for (at, nodes) in runs {
+            arena.remove(at, nodes.len());
+        }
+        assert_eq!(arena.free_bytes(), 0);
+        assert!(arena.chunks.iter().all(|chunk| chunk.nodes.is_empty()));
+    }
+}
