@@ -26,8 +26,8 @@ def draw(mesh):
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
     a, b, c = (triangles[face, i] for i in range(3))
     points = a + u * (b - a) + v * (c - a)
-    # Looked at along +y, a little from the right and from above.
-    view = np.array([[0.94, 0.34, 0], [-0.32, 0.88, -0.34], [-0.12, 0.32, 0.94]])
+    # To the right, into the picture, upwards; seen a little from the right and from above.
+    view = np.array([[0.94, 0, -0.34], [-0.32, -0.34, -0.88], [-0.12, 0.94, -0.32]])
     points, normals = points @ view.T, (normals[face] / area[face, None]) @ view.T
     low, high = points.min(axis=0), points.max(axis=0)
     scale = 0.92 * SIZE / max((high - low)[[0, 2]].max(), 1e-12)

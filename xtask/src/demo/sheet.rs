@@ -34,10 +34,19 @@ pub fn compose(folder: &Path, frames: &[Frame], pixels: f64, to: &Path) -> Resul
     sheet.write(to)
 }
 
-/// Four frames at equal distances, the last of them at the path's end; fewer of a shorter path.
+/// Where on the path the pictures are from, as shares of it: the orbit comes close to the model a
+/// quarter and three quarters of the way.
+const PLACES: [f64; COLUMNS] = [0.17, 0.29, 0.67, 0.81];
+
+/// The frames to show; fewer of a short path.
 fn chosen(num_frames: usize) -> Vec<usize> {
-    let columns = COLUMNS.min(num_frames);
-    (1..=columns).map(|column| (column * num_frames).div_ceil(columns) - 1).collect()
+    let mut frames: Vec<usize> = PLACES
+        .iter()
+        .map(|place| (place * num_frames as f64) as usize)
+        .filter(|&frame| frame < num_frames)
+        .collect();
+    frames.dedup();
+    frames
 }
 
 #[cfg(test)]
@@ -46,8 +55,9 @@ mod tests {
 
     #[test]
     fn chosen_frames_exist_and_differ() {
-        assert_eq!(chosen(40), [9, 19, 29, 39]);
+        assert_eq!(chosen(40), [6, 11, 26, 32]);
         assert_eq!(chosen(2), [0, 1]);
+        assert_eq!(chosen(1), [0]);
         assert_eq!(chosen(0), [0_usize; 0]);
     }
 }

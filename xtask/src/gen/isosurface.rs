@@ -352,7 +352,9 @@ impl Isosurface {
             let from = at[axis] as f64 + offset(a, axis);
             from + t * (offset(b, axis) - offset(a, axis))
         }));
-        [0, 1, 2].map(|axis| (SCALE * place[axis] + options.origin[axis]) as f32)
+        // Turned to stand along y, which is upwards for most viewers.
+        let turned = [place[0], place[2], -place[1]];
+        [0, 1, 2].map(|axis| (SCALE * turned[axis] + options.origin[axis]) as f32)
     }
 }
 

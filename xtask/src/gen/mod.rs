@@ -1,6 +1,6 @@
 //! Deterministic test meshes of any size, streamed in constant memory.
 //!
-//! Every shape is emitted in layers along its longest axis (z, for the torus x), so the output is
+//! Every shape is emitted in layers along its longest axis (y, for the torus x), so the output is
 //! approximately sorted; [`Options::shuffle`] permutes the blocks it is generated in instead. Right-handed
 //! coordinates in millimetres; faces are counter-clockwise seen from outside; each shape is closed
 //! unless [`Options::holes`] asks otherwise.

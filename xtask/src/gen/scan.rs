@@ -1,4 +1,6 @@
-//! A statue-like scan: a closed surface of genus 0 that stands along z.
+//! A statue-like scan: a closed surface of genus 0 that stands along y.
+//!
+//! Here its axis is called z; the positions are turned at the very end.
 //!
 //! A profile curve is swept about a swaying axis. Lobes, sharp folds and a planar cut shape it, noise of
 //! several octaves gives it detail of uneven strength, and every vertex carries a little scanner noise. Each
@@ -240,10 +242,10 @@ impl RingShape {
         let jitter = 0.06 * scan.edge_length;
         let outwards =
             HALF_HEIGHT * radius + if radius > 0.0 { jitter * signed(random) } else { 0.0 };
-        [
-            (HALF_HEIGHT * self.axis[0] + outwards * cos + scan.origin[0]) as f32,
-            (HALF_HEIGHT * self.axis[1] + outwards * sin + scan.origin[1]) as f32,
-            (HALF_HEIGHT * z + jitter * signed(hash(random)) + scan.origin[2]) as f32,
-        ]
+        let x = HALF_HEIGHT * self.axis[0] + outwards * cos;
+        let y = HALF_HEIGHT * self.axis[1] + outwards * sin;
+        let z = HALF_HEIGHT * z + jitter * signed(hash(random));
+        // Turned to stand along y, which is upwards for most viewers.
+        [0, 1, 2].map(|axis| ([x, z, -y][axis] + scan.origin[axis]) as f32)
     }
 }
