@@ -74,7 +74,7 @@ impl HalfEdgeMesh {
     }
 
     /// Connects triangles whose reverse half-edges are known and consistent.
-    pub(crate) fn from_pairing(
+    fn from_pairing(
         num_vertices: usize,
         triangles: &[[u32; 3]],
         reverse: Vec<Option<HalfEdgeId>>,

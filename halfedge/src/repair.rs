@@ -115,7 +115,11 @@ pub fn repair(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<Repaired, Bu
     }
     report.unused_vertices =
         drop_unused(&mut positions, &mut kept).saturating_sub(report.welded_vertices);
-    let mesh = HalfEdgeMesh::from_pairing(positions.len(), &kept, reverse)?;
+    // No edge is there twice any more, so the triangles alone say what is connected. That closes cuts between two ends
+    // of one fan, which were needless.
+    let mesh = HalfEdgeMesh::from_triangles(positions.len(), &kept)?;
+    let closed = mesh.half_edges().filter(|&h| mesh.reverse(h).is_some()).count();
+    report.cut_edges -= closed - reverse.iter().flatten().count();
     Ok(Repaired { mesh, positions, report })
 }
 

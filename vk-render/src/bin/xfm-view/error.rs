@@ -1,0 +1,53 @@
+//! What can go wrong, and the one line that says so.
+
+use std::path::PathBuf;
+
+/// Why the viewer stops.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Error {
+    #[error(transparent)]
+    Mesh(#[from] mesh_io::Error),
+    #[error("{path}: {source}", path = path.display())]
+    Repair { path: PathBuf, source: halfedge::BuildError },
+    #[error("{path}: there is no triangle to show", path = .0.display())]
+    Empty(PathBuf),
+    #[error("{path}: {source}", path = path.display())]
+    Build { path: PathBuf, source: mergetree::ForestError },
+    #[error(transparent)]
+    Format(#[from] xfm_format::Error),
+    #[error(transparent)]
+    Pager(#[from] xfm_pager::Error),
+    #[error(transparent)]
+    Render(#[from] vk_render::Error),
+    #[error("{path}: {source}", path = path.display())]
+    Path { path: PathBuf, source: mergetree::CameraPathError },
+    #[error("{path}: {source}", path = path.display())]
+    File { path: PathBuf, source: std::io::Error },
+    #[error("{path}: {source}", path = path.display())]
+    Png { path: PathBuf, source: png::EncodingError },
+    #[error("no window can be opened: {0}; use --offscreen, or start it where there is a display")]
+    Window(String),
+    #[error("the validation layer complains: {0}")]
+    Validation(String),
+}
+
+impl Error {
+    pub(crate) fn file(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        |source| Self::File { path, source }
+    }
+}
+
+/// An error with its causes, each said once.
+pub(crate) fn one_line(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(source) = cause {
+        let more = source.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        cause = source.source();
+    }
+    text.replace('\n', " ")
+}

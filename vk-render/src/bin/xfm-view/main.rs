@@ -1,0 +1,29 @@
+//! `xfm-view`: looks at a `.xfm` file, or at any mesh, in a window or offscreen.
+
+mod args;
+mod error;
+mod model;
+mod offscreen;
+mod orbit;
+mod outside;
+mod picture;
+mod window;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let args = args::Args::parse();
+    let done = match &args.offscreen {
+        Some(out) => offscreen::run(&args, out),
+        None => window::run(&args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", error::one_line(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
