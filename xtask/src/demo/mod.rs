@@ -82,6 +82,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Error> {
     view.arg(&model).arg("--offscreen").arg(&pictures).args(["--path", "orbit", "--outside"]);
     view.args(["--frames", &VIEW_FRAMES.to_string(), "--size", SIZE]);
     view.args(["--pixels", &arguments.pixels.to_string()]).stdout(std::io::stderr());
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        // Drivers complain without one, though nothing of it is needed offscreen.
+        view.env("XDG_RUNTIME_DIR", &pictures);
+    }
     process::run(&mut view)?;
     let frames = frames::read(&pictures)?;
 
