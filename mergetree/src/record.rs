@@ -32,7 +32,8 @@ pub struct StarBounds {
     pub radius: f32,
     /// Largest angle between the normal of `v` and that of a triangle before or after, in radians.
     pub cone_angle: f32,
-    /// How far the surface is from the input after this collapse at most, all earlier ones included.
+    /// How far the surface is from the input after this collapse, all earlier ones included: the sum of what each moved
+    /// it by, measured where it moves most. Nearly always an upper bound.
     pub deviation: f32,
 }
 

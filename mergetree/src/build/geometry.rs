@@ -54,38 +54,68 @@ impl Surface<'_> {
 
     /// Bounds of the star of the removed vertex. `earlier` is the deviation of what was merged there before.
     pub(crate) fn star_bounds(&self, c: &Collapse, earlier: f32) -> StarBounds {
-        let (v, u) = (self.positions[c.removed.index()], self.positions[c.kept.index()]);
-        let axis = self.normals[c.removed.index()].to_vec3();
-        let at = |i: usize| self.positions[i];
+        let (v, u) = (c.removed.index(), c.kept.index());
+        let axis = self.normals[v].to_vec3();
         let mut radius = 0.0f32;
         let mut min_cosine = 1.0f32;
-        let mut widen = |normal: Vec3| {
+        let mut widen = |triangle: [Vec3; 3]| {
+            let normal = area_normal(triangle);
             let length = normal.length();
             if length > 0.0 {
                 min_cosine = min_cosine.min(normal.dot(axis) / length);
             }
         };
-        for h in self.mesh.outgoing(c.removed) {
-            let [r, s] = [self.mesh.end(h), self.mesh.start(h.prev())].map(|i| at(i.index()));
-            radius = radius.max(r.distance(v)).max(s.distance(v));
-            widen(area_normal([v, r, s]));
+        for triangle in self.star(c) {
+            let [center, r, s] = triangle;
+            radius = radius.max(r.distance(center)).max(s.distance(center));
+            widen(triangle);
         }
-        // The removed faces shrink to the edges from u to their third corners.
-        let mut moved_by = f32::INFINITY;
-        for h in [Some(c.half_edge), c.reverse].into_iter().flatten() {
-            let corner = at(self.mesh.start(h.prev()).index());
-            moved_by = moved_by.min(distance_to_segment(v, u, corner));
-        }
-        for [r, s] in self.moved_triangles(c) {
-            let triangle = [u, at(r), at(s)];
-            widen(area_normal(triangle));
-            moved_by = moved_by.min(distance_to_triangle(v, triangle));
+        for corners in self.moved_triangles(c) {
+            widen(self.triangle(u, corners));
         }
         StarBounds {
             radius,
             cone_angle: min_cosine.clamp(-1.0, 1.0).acos(),
-            deviation: earlier + moved_by,
+            deviation: earlier + self.moved_by(c),
         }
+    }
+
+    fn triangle(&self, apex: usize, [r, s]: [usize; 2]) -> [Vec3; 3] {
+        [apex, r, s].map(|i| self.positions[i])
+    }
+
+    /// The triangles around the removed vertex.
+    fn star(&self, c: &Collapse) -> impl Iterator<Item = [Vec3; 3]> + '_ {
+        let v = c.removed.index();
+        self.mesh.outgoing(c.removed).map(move |h| {
+            let [r, s] = [self.mesh.end(h), self.mesh.start(h.prev())].map(|r| r.index());
+            self.triangle(v, [r, s])
+        })
+    }
+
+    /// How far the surface moves, both ways: from the vertex that goes to the triangles after, and from the middles of
+    /// the edges that are new to the triangles before. There two triangulations of one hole lie farthest apart.
+    fn moved_by(&self, c: &Collapse) -> f32 {
+        let (v, u) = (self.positions[c.removed.index()], self.positions[c.kept.index()]);
+        let mut forth = f32::INFINITY;
+        // The removed faces shrink to the edges from u to their third corners.
+        for h in [Some(c.half_edge), c.reverse].into_iter().flatten() {
+            let corner = self.positions[self.mesh.start(h.prev()).index()];
+            forth = forth.min(distance_to_segment(v, u, corner));
+        }
+        for corners in self.moved_triangles(c) {
+            forth = forth.min(distance_to_triangle(v, self.triangle(c.kept.index(), corners)));
+        }
+        let back = self
+            .mesh
+            .one_ring(c.removed)
+            .filter(|&r| r != c.kept)
+            .map(|r| {
+                let middle = 0.5 * (u + self.positions[r.index()]);
+                self.star(c).map(|t| distance_to_triangle(middle, t)).fold(f32::INFINITY, f32::min)
+            })
+            .fold(0.0, f32::max);
+        forth.max(back)
     }
 }
 
