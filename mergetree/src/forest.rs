@@ -1,6 +1,6 @@
 //! The merge-tree forest in memory, and how collapse records become one.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use halfedge::{FaceId, HalfEdgeId, HalfEdgeMesh, VertexId};
 
 use crate::{CollapseRecord, HalfEdgeNames, Node, NodeId, NodeStore, OctNormal, SlotId};
@@ -29,6 +29,25 @@ impl BaseMesh {
     /// The names of half-edges in a forest with this coarsest mesh.
     pub fn names(&self) -> HalfEdgeNames {
         HalfEdgeNames::new(self.faces.len())
+    }
+
+    /// Whether the surface is inside out: as good as closed, and clockwise seen from outside.
+    ///
+    /// Some programs write meshes so. Nothing is turned over for it; who shows such a mesh turns the view test
+    /// ([`crate::View::inside_out`]) and the lights.
+    pub fn is_inside_out(&self) -> bool {
+        let origin = self.vertices.first().map_or(Vec3::ZERO, |v| v.position).as_dvec3();
+        let mut vector_area = DVec3::ZERO;
+        let (mut area, mut volume) = (0.0, 0.0);
+        for face in &self.faces {
+            let [a, b, c] = face.map(|v| self.vertices[v as usize].position.as_dvec3() - origin);
+            let normal = (b - a).cross(c - a);
+            vector_area += normal;
+            area += normal.length();
+            volume += a.dot(normal);
+        }
+        // The areas of a closed surface add up to nothing.
+        volume < 0.0 && vector_area.length() < 0.1 * area
     }
 
     /// The roots of the forest, in order of their vertices.

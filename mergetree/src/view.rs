@@ -13,6 +13,8 @@ pub struct View {
     sides: [Vec3; 4],
     forward: Vec3,
     pixels_per_radian: f32,
+    /// 1 where normals point outwards, −1 where they point inwards.
+    outward: f32,
 }
 
 /// Share of the deviation that counts where a surface is seen face on.
@@ -38,7 +40,15 @@ impl View {
             ],
             forward: side(Vec3::NEG_Z),
             pixels_per_radian: camera.pixels_per_radian(),
+            outward: 1.0,
         }
+    }
+
+    /// The same view of a surface that may be inside out ([`crate::BaseMesh::is_inside_out`]): then its normals point
+    /// inwards.
+    #[must_use]
+    pub fn inside_out(self, is_inside_out: bool) -> Self {
+        Self { outward: if is_inside_out { -1.0 } else { 1.0 }, ..self }
     }
 
     /// The screen-space error of a node that is not split, in pixels: zero outside the picture and where all below it
@@ -69,7 +79,7 @@ impl View {
         }
         let sin_spread = sin_a * cos_b + cos_a * sin_b;
         // Cosine of the angle between axis and line of sight; positive when facing away.
-        let facing_away = node.normal.to_vec3().dot(to_node) / distance;
+        let facing_away = self.outward * node.normal.to_vec3().dot(to_node) / distance;
         if facing_away > sin_spread {
             return 0.0;
         }
@@ -160,6 +170,9 @@ mod tests {
         assert_eq!(error(Vec3::NEG_Z), 0.0);
         assert!(error(Vec3::X) > 2.0 * error(Vec3::Z));
         assert!(error(Vec3::new(1.0, 0.0, 1.0)) < error(Vec3::X));
+        let turned = |normal| view.inside_out(true).error_px(&node(Vec3::ZERO, 0.1, normal, 0.1));
+        assert_eq!(turned(Vec3::Z), 0.0);
+        assert_eq!(turned(Vec3::NEG_Z), error(Vec3::Z));
     }
 
     #[test]

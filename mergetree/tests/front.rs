@@ -274,3 +274,20 @@ fn bounds_hold_all_that_is_below() {
         forest.nodes.iter().filter(|n| n.parent.is_none()).count()
     );
 }
+
+#[test]
+fn closed_surfaces_turned_inside_out_are_known_and_open_ones_are_not_judged() {
+    for (shape, closed) in
+        [(common::sphere(3), true), (common::torus(20, 10), true), (common::sheet(9, 9), false)]
+    {
+        let mut shape = shape;
+        assert!(
+            !forest(&shape, &random_records(&shape, &[])).base.is_inside_out(),
+            "{}",
+            shape.name
+        );
+        shape.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        let turned = forest(&shape, &random_records(&shape, &[]));
+        assert_eq!(turned.base.is_inside_out(), closed, "{}", shape.name);
+    }
+}

@@ -12,7 +12,9 @@ struct Frame {
     // 1 where the target stores what it is given, and the encoding to sRGB is the shader's work.
     encode: f32,
     perspective: f32,
-    padding: vec2<f32>,
+    // 1 where triangles are clockwise seen from outside, else 0.
+    inside_out: f32,
+    padding: f32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

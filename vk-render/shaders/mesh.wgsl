@@ -97,8 +97,13 @@ fn lit(base: vec3<f32>, n: vec3<f32>, position: vec3<f32>) -> vec3<f32> {
     return colour / (vec3<f32>(1.0) + 0.16 * colour);
 }
 
+// Whether a face is seen from outside, which is its front unless the whole mesh is inside out.
+fn seen_from_outside(front: bool) -> bool {
+    return front != (frame.inside_out > 0.5);
+}
+
 fn base_colour(outside: vec3<f32>, front: bool) -> vec3<f32> {
-    return select(INSIDE, outside, front);
+    return select(INSIDE, outside, seen_from_outside(front));
 }
 
 // How much of a pixel an edge of the given half width covers. Where triangles shrink to pixels the lines fade to
@@ -130,9 +135,9 @@ fn level_colour(level: f32) -> vec3<f32> {
 
 @fragment
 fn fs_smooth(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    var n = normalize(in.normal);
+    var n = normalize(in.normal) * select(1.0, -1.0, frame.inside_out > 0.5);
     // A face seen from inside is lit as seen, whether its normals follow its winding or not.
-    if !front && dot(n, towards_eye(in.position)) < 0.0 {
+    if !seen_from_outside(front) && dot(n, towards_eye(in.position)) < 0.0 {
         n = -n;
     }
     return to_target(lit(base_colour(CLAY, front), n, in.position), 1.0);
@@ -162,5 +167,5 @@ fn fs_normals(in: Surface, @builtin(front_facing) front: bool) -> @location(0) v
     let seen = normalize(in.normal);
     let n = normalize((vec4<f32>(seen, 0.0) * frame.view).xyz);
     let colour = to_linear(n * 0.5 + 0.5);
-    return to_target(select(mix(colour * 0.15, INSIDE, 0.85), colour, front), 1.0);
+    return to_target(select(mix(colour * 0.15, INSIDE, 0.85), colour, seen_from_outside(front)), 1.0);
 }

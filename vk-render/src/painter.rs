@@ -29,7 +29,8 @@ struct Constants {
     max_level: f32,
     encode: f32,
     perspective: f32,
-    padding: [f32; 2],
+    inside_out: f32,
+    padding: f32,
 }
 
 const _: () = assert!(size_of::<Constants>() == 192);
@@ -263,7 +264,8 @@ fn constants(scene: &Scene<'_>, size: vk::Extent2D, encode: bool) -> Constants {
         encode: if encode { 1.0 } else { 0.0 },
         // A parallel projection leaves w alone.
         perspective: if scene.camera.projection.w_axis.w == 0.0 { 1.0 } else { 0.0 },
-        padding: [0.0; 2],
+        inside_out: if scene.inside_out { 1.0 } else { 0.0 },
+        padding: 0.0,
     }
 }
 

@@ -101,6 +101,9 @@ pub struct Scene<'a> {
     pub text: &'a [Text<'a>],
     /// The level that takes the last colour in [`Shading::LevelOfDetail`]; 24 unless told.
     pub max_level: u8,
+    /// Whether triangles are clockwise seen from outside and normals point inwards, as some programs write them; false
+    /// unless told.
+    pub inside_out: bool,
 }
 
 impl<'a> Scene<'a> {
@@ -115,6 +118,7 @@ impl<'a> Scene<'a> {
             line_width_px: 2.5,
             text: &[],
             max_level: 24,
+            inside_out: false,
         }
     }
 }

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use mergetree::{
-    Camera, Changes, Dependencies, Front, FrontVertex, ToleranceControl, UpdateLimits, View,
+    Camera, Changes, Dependencies, Front, FrontVertex, NodeStore, ToleranceControl, UpdateLimits,
+    View,
 };
 
 use crate::{Error, Pager};
@@ -65,6 +66,7 @@ pub struct Session {
     pager: Pager,
     front: Front,
     control: ToleranceControl,
+    inside_out: bool,
 }
 
 impl Session {
@@ -76,7 +78,13 @@ impl Session {
         let front = Front::new(&pager, dependencies)
             .map_err(|source| Error::BaseMesh { file: pager.file().path().to_owned(), source })?;
         let (min, max) = TOLERANCES;
-        Ok(Self { pager, front, control: ToleranceControl::new(2.0, min, max) })
+        let inside_out = pager.base().is_inside_out();
+        Ok(Self { pager, front, control: ToleranceControl::new(2.0, min, max), inside_out })
+    }
+
+    /// Whether the model is inside out ([`mergetree::BaseMesh::is_inside_out`]); the view test allows for it.
+    pub fn is_inside_out(&self) -> bool {
+        self.inside_out
     }
 
     /// Moves the front towards what the camera needs, reading what is not resident as far as the quotas allow.
@@ -86,11 +94,10 @@ impl Session {
             Detail::Budget(_) => self.control.tolerance(),
         };
         self.pager.begin_frame();
-        let view = View::new(camera);
+        let view = View::new(camera).inside_out(self.inside_out);
         let mut limits = UpdateLimits::with_tolerance(tolerance_px);
         if let Detail::Budget(triangles) = detail {
-            // What is already wanted is never cut off by much; the tolerance does the rest.
-            limits.max_triangles = triangles + triangles / 20;
+            limits.max_triangles = triangles;
         }
         let update = self.front.update(&mut self.pager, |node| view.error_px(node), &limits);
         let pager = self.pager.stats();

@@ -48,6 +48,7 @@ pub fn extract<S: NodeStore>(
     mut settle: impl FnMut(&mut S) -> bool,
 ) -> Result<Level, BuildError> {
     let mut front = Front::new(store, Dependencies::Order)?;
+    let inside_out = store.base().is_inside_out();
     let damaged = loop {
         let stats = match *wanted {
             Wanted::Full => {
@@ -65,7 +66,8 @@ pub fn extract<S: NodeStore>(
                 let limits = UpdateLimits::with_tolerance(error);
                 front.update(store, |node| node.deviation, &limits)
             }
-            Wanted::Pixels(ref view, pixels) => {
+            Wanted::Pixels(view, pixels) => {
+                let view = view.inside_out(inside_out);
                 let limits = UpdateLimits::with_tolerance(pixels);
                 front.update(store, |node| view.error_px(node), &limits)
             }

@@ -31,6 +31,7 @@ pub(crate) fn run(args: &Args, out: &Path) -> Result<(), Error> {
             None
         },
         bounds: [min, max],
+        inside_out: session.is_inside_out(),
     };
     let lens = args.lens();
     let path = camera_path(args, [min, max])?;
@@ -111,6 +112,7 @@ struct Drawing<'a> {
     inside: Offscreen,
     outside: Option<Offscreen>,
     bounds: [glam::Vec3; 2],
+    inside_out: bool,
 }
 
 impl Drawing<'_> {
@@ -127,6 +129,7 @@ impl Drawing<'_> {
         let begin = Instant::now();
         let mut scene = Scene::new(&self.mesh, picture::render_camera(camera, radius));
         scene.shading = self.args.shading();
+        scene.inside_out = self.inside_out;
         let said = describe(stats);
         let text = [Text::new(&said)];
         if self.args.overlay {
@@ -140,6 +143,7 @@ impl Drawing<'_> {
             let lines = outside::frustum(camera, radius);
             let mut scene = Scene::new(&self.mesh, picture::render_camera(&outside, radius));
             scene.shading = self.args.shading();
+            scene.inside_out = self.inside_out;
             scene.lines = &lines;
             picture::save(&target.draw(&scene)?, outside_file)?;
         }

@@ -119,6 +119,7 @@ impl Viewer<'_> {
         let radius = 0.5 * (self.model.max - self.model.min).length();
         let mut scene = Scene::new(&screen.mesh, picture::render_camera(&camera, radius));
         scene.shading = self.shading;
+        scene.inside_out = self.model.session.is_inside_out();
         let lines = self.frozen.map_or_else(Vec::new, |frozen| outside::frustum(&frozen, radius));
         scene.lines = &lines;
         let said = describe(&stats);
@@ -146,6 +147,7 @@ impl Viewer<'_> {
         let camera = picture::render_camera(&self.orbit.camera(&self.lens), radius);
         let mut scene = Scene::new(&screen.mesh, camera);
         scene.shading = self.shading;
+        scene.inside_out = self.model.session.is_inside_out();
         let image = screen.target.screenshot(&scene)?;
         let stem = self.args.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let file = (1..)
