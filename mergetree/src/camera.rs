@@ -106,9 +106,9 @@ impl CameraPath {
             .map(|frame| {
                 let t = frame as f32 / frames.max(1) as f32;
                 let angle = std::f32::consts::TAU * t;
-                // From 2.6 radii to 0.7 and back, twice.
+                // From 2.6 radii to 1.1, which is still outside of it, and back, twice.
                 let near = 0.5 - 0.5 * (2.0 * angle).cos();
-                let distance = radius * (2.6 - 1.9 * near);
+                let distance = radius * (2.6 - 1.5 * near);
                 let height = 0.35 * (1.0 - 0.5 * near);
                 let direction = Vec3::new(angle.sin(), height, angle.cos()).normalize();
                 // Close by, look at the side of the model that is near.

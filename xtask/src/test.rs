@@ -42,8 +42,9 @@ pub fn run() -> Result<(), Error> {
         let mut doc = cargo("doc");
         process::run(doc.args(["--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
     });
-    // The whole workspace, as the tests: features are unified as there, so nothing is built twice.
-    step("build", &mut || process::run(cargo("build").args(["--workspace", "--bins"])));
+    // With the tests, though only programs are wanted: dependencies' features then include what the
+    // tests ask for, as in the step before, and nothing is built twice.
+    step("build", &mut || process::run(cargo("build").args(["--workspace", "--bins", "--tests"])));
     step("conformance", &mut || match &python {
         Some(python) => conformance::judge(&conformance::Scope::Short, "debug", python),
         None => Err(Error::Report {

@@ -13,7 +13,7 @@ pub(crate) fn camera(user: &Camera, min: Vec3, max: Vec3) -> Camera {
     let direction = (0.5 * sight - side - 0.4 * Vec3::Y).normalize();
     let center = 0.5 * (min + max);
     // As much of the way to the eye as leaves the model large.
-    let toward_eye = (user.eye - center).clamp_length_max(0.8 * (max - min).length());
+    let toward_eye = (user.eye - center).clamp_length_max(0.5 * (max - min).length());
     let eye = center + toward_eye;
     let around = Camera { up: Vec3::Y, ..*user };
     around.framing(min.min(eye), max.max(eye), direction)
