@@ -140,6 +140,9 @@ fn fs_smooth(in: Surface, @builtin(front_facing) front: bool) -> @location(0) ve
     if !seen_from_outside(front) && dot(n, towards_eye(in.position)) < 0.0 {
         n = -n;
     }
+    // A vertex on a sharp edge has one normal for both sides of it; far from the face's own it is not believed.
+    let flat = face_normal(in.position);
+    n = normalize(mix(flat, n, smoothstep(0.64, 0.91, dot(n, flat))));
     return to_target(lit(base_colour(CLAY, front), n, in.position), 1.0);
 }
 
