@@ -84,6 +84,21 @@ pub struct Node {
 const _: () = assert!(size_of::<Node>() == 64);
 
 impl Node {
+    /// A node of nothing: what memory for nodes holds before they are there.
+    pub const BLANK: Self = Self {
+        position: Vec3::ZERO,
+        radius: 0.0,
+        normal: OctNormal([0, 0]),
+        cone_sine: 0.0,
+        deviation: 0.0,
+        order: 0,
+        adjacent: [None; 4],
+        left: None,
+        right: None,
+        parent: None,
+        slot: None,
+    };
+
     /// Number of faces the split brings back: two, or one on a boundary.
     #[inline]
     pub fn num_faces(&self) -> usize {

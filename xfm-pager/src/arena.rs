@@ -3,8 +3,7 @@
 //! A block has a few nodes of 64 aligned bytes; asking the allocator for each costs as much again as 120 bytes per block.
 //! Here they lie side by side in chunks, whose free nodes are bits.
 
-use glam::Vec3;
-use mergetree::{Node, OctNormal};
+use mergetree::Node;
 
 /// Nodes per chunk: the bits of a `u128`.
 const CHUNK_NODES: usize = 128;
@@ -12,20 +11,6 @@ const CHUNK_NODES: usize = 128;
 const CHUNK_OVERHEAD: usize = 128;
 /// A longer run is never asked for.
 const MAX_RUN: usize = 31;
-
-const BLANK: Node = Node {
-    position: Vec3::ZERO,
-    radius: 0.0,
-    normal: OctNormal([0, 0]),
-    cone_sine: 0.0,
-    deviation: 0.0,
-    order: 0,
-    adjacent: [None; 4],
-    left: None,
-    right: None,
-    parent: None,
-    slot: None,
-};
 
 #[derive(Debug)]
 struct Chunk {
@@ -104,7 +89,7 @@ impl Arena {
     }
 
     fn grow(&mut self) -> usize {
-        let nodes = vec![BLANK; CHUNK_NODES].into_boxed_slice();
+        let nodes = vec![Node::BLANK; CHUNK_NODES].into_boxed_slice();
         let chunk = Chunk { nodes, used: 0 };
         if let Some(index) = self.empty.pop() {
             self.chunks[index as usize] = chunk;
@@ -232,7 +217,7 @@ mod tests {
             let random = (state >> 33) as usize;
             if runs.is_empty() || !random.is_multiple_of(3) && step < 2500 {
                 let nodes: Vec<Node> = (0..1 + random / 3 % 31)
-                    .map(|i| Node { order: step * 100 + i as u32, ..BLANK })
+                    .map(|i| Node { order: step * 100 + i as u32, ..Node::BLANK })
                     .collect();
                 let cost = arena.cost(nodes.len());
                 let before = arena.bytes();

@@ -2,9 +2,8 @@
 
 use std::io;
 
-use glam::Vec3;
 use halfedge::HalfEdgeId;
-use mergetree::{HalfEdgeName, Node, OctNormal};
+use mergetree::{HalfEdgeName, Node};
 
 use super::{FieldBytes, PageContext, Reference};
 use crate::bounds;
@@ -26,20 +25,6 @@ pub(crate) struct PageDecoder {
     /// What the fields of the last page took.
     pub bytes: FieldBytes,
 }
-
-const BLANK: Node = Node {
-    position: Vec3::ZERO,
-    radius: 0.0,
-    normal: OctNormal([0, 0]),
-    cone_sine: 0.0,
-    deviation: 0.0,
-    order: 0,
-    adjacent: [None; 4],
-    left: None,
-    right: None,
-    parent: None,
-    slot: None,
-};
 
 impl PageDecoder {
     pub fn new() -> io::Result<Self> {
@@ -152,7 +137,7 @@ impl PageDecoder {
             let message = format!("presence masks have {first_node} nodes, not {}", entry.nodes);
             return Err(cursor.defect(message));
         }
-        page.nodes.resize(entry.nodes as usize, BLANK);
+        page.nodes.resize(entry.nodes as usize, Node::BLANK);
         Ok(())
     }
 
