@@ -15,8 +15,12 @@
 //! # Ok::<(), stream_decimate::OptionsError>(())
 //! ```
 
+mod error;
 mod options;
+mod progress;
 mod report;
 
+pub use error::Error;
 pub use options::{DecimateOptions, OptionsError, Placement, Target};
-pub use report::{DecimateReport, MissedTarget};
+pub use progress::{Observer, Progress, Stage};
+pub use report::{DecimateReport, MissedTarget, Repairs};

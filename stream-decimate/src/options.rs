@@ -1,5 +1,7 @@
 //! What is asked of the decimator.
 
+use std::num::NonZeroUsize;
+
 /// How far to decimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
@@ -47,6 +49,8 @@ pub struct DecimateOptions {
     pub seed: u64,
     /// Where the output's vertices lie. Default [`Placement::Optimal`].
     pub placement: Placement,
+    /// Threads to use at most; the result does not depend on it. Default `None`: as many as there are cores.
+    pub threads: Option<NonZeroUsize>,
 }
 
 /// Options that make no sense.
@@ -76,6 +80,7 @@ impl DecimateOptions {
             candidates: 8,
             seed: 0,
             placement: Placement::default(),
+            threads: None,
         }
     }
 

@@ -28,6 +28,41 @@ impl MissedTarget {
     }
 }
 
+/// What was wrong with the input, and was repaired or left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Repairs {
+    /// Triangles with a coordinate that is not finite: left out.
+    pub non_finite: u64,
+    /// Triangles with two corners in one place: left out.
+    pub degenerate: u64,
+    /// Triangles that were there already: left out.
+    pub duplicate: u64,
+    /// Triangles at an edge that had its two triangles already, or one of the same direction: cut off along that edge.
+    pub non_manifold: u64,
+    /// Vertices in which several fans of triangles met, one of which got a vertex of its own.
+    pub split_vertices: u64,
+    /// Triangles that came after their neighbourhood had been closed, and were attached to what became of it.
+    pub late: u64,
+    /// Triangles that came after their neighbourhood had been closed, and could not be attached: there is a crack.
+    pub late_cracks: u64,
+}
+
+impl Repairs {
+    /// The counts with their names.
+    pub fn counts(&self) -> [(&'static str, u64); 7] {
+        [
+            ("non_finite", self.non_finite),
+            ("degenerate", self.degenerate),
+            ("duplicate", self.duplicate),
+            ("non_manifold", self.non_manifold),
+            ("split_vertices", self.split_vertices),
+            ("late", self.late),
+            ("late_cracks", self.late_cracks),
+        ]
+    }
+}
+
 /// What a run did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -42,6 +77,14 @@ pub struct DecimateReport {
     pub missed: Option<MissedTarget>,
     /// Most triangles the buffer held.
     pub peak_buffer_triangles: u64,
+    /// What was wrong with the input.
+    pub repaired: Repairs,
+    /// Whether the input was sorted first.
+    pub sorted: bool,
+    /// Whether the input was read once more, to learn where its boundaries are.
+    pub counted: bool,
+    /// Boundary vertices that were taken for true ones because they had waited longest.
+    pub sealed_vertices: u64,
 }
 
 impl fmt::Display for DecimateReport {
