@@ -46,6 +46,7 @@
 
 mod error;
 mod format;
+mod frame;
 mod mesh;
 mod read;
 mod stream;
@@ -70,6 +71,7 @@ mod stl;
 
 pub use error::{Error, Place};
 pub use format::{Format, Packing};
+pub use frame::Frame;
 pub use mesh::{IndexedMesh, Triangle};
 pub use read::{
     ReadOptions, open_source, open_source_with, read_mesh, read_mesh_from, read_mesh_with,

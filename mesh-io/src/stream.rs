@@ -1,6 +1,6 @@
 //! The two ends of a triangle stream.
 
-use crate::{Error, IndexedMesh, Triangle};
+use crate::{Error, Frame, IndexedMesh, Triangle};
 
 /// Hands out triangles batch by batch, in the order of the file.
 pub trait TriangleSource {
@@ -19,6 +19,36 @@ pub trait TriangleSource {
     /// The number of triangles to expect, for progress and planning: what the file says, which may be wrong.
     fn triangle_hint(&self) -> Option<u64> {
         self.triangle_count()
+    }
+
+    /// Whether [`read_numbered`](TriangleSource::read_numbered) tells the vertices' numbers: in PLY, OBJ and glTF, but
+    /// not in STL, which has no vertices.
+    fn has_vertex_numbers(&self) -> bool {
+        false
+    }
+
+    /// As [`read`](TriangleSource::read), and appends the numbers of each triangle's three vertices to `numbers`.
+    ///
+    /// Numbers count from zero in the order of the file's vertices, and the same number is the same vertex from the
+    /// first triangle to the last. Different numbers may lie at the same coordinates. Where
+    /// [`has_vertex_numbers`](TriangleSource::has_vertex_numbers) says no, nothing is appended to `numbers`.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](TriangleSource::read).
+    fn read_numbered(
+        &mut self,
+        out: &mut Vec<Triangle>,
+        numbers: &mut Vec<[u64; 3]>,
+        max: usize,
+    ) -> Result<usize, Error> {
+        let _no_vertices = numbers;
+        self.read(out, max)
+    }
+
+    /// The frame that the coordinates handed out are in; it does not change.
+    fn frame(&self) -> Frame {
+        Frame::default()
     }
 }
 
@@ -54,6 +84,23 @@ impl<S: TriangleSource + ?Sized> TriangleSource for Box<S> {
     fn triangle_hint(&self) -> Option<u64> {
         (**self).triangle_hint()
     }
+
+    fn has_vertex_numbers(&self) -> bool {
+        (**self).has_vertex_numbers()
+    }
+
+    fn read_numbered(
+        &mut self,
+        out: &mut Vec<Triangle>,
+        numbers: &mut Vec<[u64; 3]>,
+        max: usize,
+    ) -> Result<usize, Error> {
+        (**self).read_numbered(out, numbers, max)
+    }
+
+    fn frame(&self) -> Frame {
+        (**self).frame()
+    }
 }
 
 /// A mesh in memory as a stream.
@@ -83,8 +130,13 @@ impl MeshSource {
     }
 }
 
-impl TriangleSource for MeshSource {
-    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+impl MeshSource {
+    /// Appends the corners of the next triangles and says which those are.
+    fn advance(
+        &mut self,
+        out: &mut Vec<Triangle>,
+        max: usize,
+    ) -> Result<std::ops::Range<usize>, Error> {
         let positions = &self.mesh.positions;
         let stop = self.next.saturating_add(max).min(self.mesh.triangles.len());
         let batch = &self.mesh.triangles[self.next..stop];
@@ -101,12 +153,34 @@ impl TriangleSource for MeshSource {
             }
             out.push(corners);
         }
-        let count = batch.len();
+        let batch = self.next..stop;
         self.next = stop;
-        Ok(count)
+        Ok(batch)
+    }
+}
+
+impl TriangleSource for MeshSource {
+    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+        self.advance(out, max).map(|batch| batch.len())
     }
 
     fn triangle_count(&self) -> Option<u64> {
         Some(self.mesh.triangles.len() as u64)
+    }
+
+    fn has_vertex_numbers(&self) -> bool {
+        true
+    }
+
+    fn read_numbered(
+        &mut self,
+        out: &mut Vec<Triangle>,
+        numbers: &mut Vec<[u64; 3]>,
+        max: usize,
+    ) -> Result<usize, Error> {
+        let batch = self.advance(out, max)?;
+        let count = batch.len();
+        numbers.extend(self.mesh.triangles[batch].iter().map(|triangle| triangle.map(u64::from)));
+        Ok(count)
     }
 }

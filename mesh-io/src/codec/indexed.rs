@@ -1,5 +1,7 @@
 //! Formats with shared vertices, as a stream of triangles.
 
+use std::ops::Range;
+
 use glam::Vec3;
 
 use crate::{Error, Triangle, TriangleSource};
@@ -37,26 +39,31 @@ impl<I: IndexedReader> IndexedSource<I> {
     pub(crate) fn new(reader: I) -> Self {
         Self { reader, pending: Vec::new(), next: 0, since_relaxed: 0 }
     }
-}
 
-impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
-    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+    /// Appends the corners of the next triangles and says where in `pending` those are.
+    fn advance(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<Range<usize>, Error> {
         if self.next == self.pending.len() && max > 0 {
             self.pending.clear();
             self.next = 0;
             self.reader.read_indices(&mut self.pending, max)?;
         }
         let stop = self.next.saturating_add(max).min(self.pending.len());
-        let batch = &self.pending[self.next..stop];
-        let count = batch.len();
-        out.extend(batch.iter().map(|triangle| triangle.map(|v| self.reader.position(v))));
+        let batch = self.next..stop;
+        let triangles = self.pending[batch.clone()].iter();
+        out.extend(triangles.map(|triangle| triangle.map(|v| self.reader.position(v))));
         self.next = stop;
-        self.since_relaxed += count;
+        self.since_relaxed += batch.len();
         if self.since_relaxed >= RELAX_EVERY {
             self.since_relaxed = 0;
             self.reader.relax();
         }
-        Ok(count)
+        Ok(batch)
+    }
+}
+
+impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
+    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+        self.advance(out, max).map(|batch| batch.len())
     }
 
     fn triangle_count(&self) -> Option<u64> {
@@ -65,5 +72,21 @@ impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
 
     fn triangle_hint(&self) -> Option<u64> {
         self.reader.triangle_hint()
+    }
+
+    fn has_vertex_numbers(&self) -> bool {
+        true
+    }
+
+    fn read_numbered(
+        &mut self,
+        out: &mut Vec<Triangle>,
+        numbers: &mut Vec<[u64; 3]>,
+        max: usize,
+    ) -> Result<usize, Error> {
+        let batch = self.advance(out, max)?;
+        let count = batch.len();
+        numbers.extend(self.pending[batch].iter().map(|triangle| triangle.map(u64::from)));
+        Ok(count)
     }
 }

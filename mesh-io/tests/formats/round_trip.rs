@@ -98,6 +98,29 @@ fn files_are_streamed_and_counted() {
 }
 
 #[test]
+fn vertex_numbers_are_those_of_the_file() {
+    let mut mesh = tetrahedron();
+    mesh.positions.insert(0, Vec3::splat(-9.0));
+    mesh.triangles.iter_mut().flatten().for_each(|v| *v += 1);
+    for format in Format::ALL {
+        let bytes = bytes_of(&mesh, format);
+        for max in [1, 3, 100] {
+            let mut source = source_from(&bytes[..], format, "test").unwrap();
+            let (mut soup, mut numbers) = (Vec::new(), Vec::new());
+            while source.read_numbered(&mut soup, &mut numbers, max).unwrap() > 0 {}
+            assert_eq!(bits(&soup), bits(&mesh.to_soup()), "{format:?}");
+            assert_eq!(source.has_vertex_numbers(), !is_stl(format));
+            if is_stl(format) {
+                assert!(numbers.is_empty());
+            } else {
+                let expected: Vec<_> = mesh.triangles.iter().map(|t| t.map(u64::from)).collect();
+                assert_eq!(numbers, expected, "{format:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn no_triangles_are_no_error() {
     let mesh = IndexedMesh::default();
     for format in Format::ALL {
