@@ -22,8 +22,10 @@
 //! assert!(found.distance(Vec3::ONE) < 1e-3);
 //! ```
 
+mod batch;
 mod metric;
 mod quadric;
 
+pub use batch::{Batch, LANES};
 pub use metric::ErrorMetric;
 pub use quadric::Quadric;

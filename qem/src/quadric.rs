@@ -12,7 +12,7 @@ const BOUNDARY_WEIGHT: f32 = 4.0;
 
 /// Share of the trace that pulls the minimiser towards the point it is asked near. Measured on scans: ten times less
 /// throws vertices off in flat regions, ten times more costs visible quality.
-const REGULARISATION: f32 = 1e-4;
+pub(crate) const REGULARISATION: f32 = 1e-4;
 
 /// `Q(x) = xᵀAx + 2bᵀx + c`, the sum over planes of weight times squared distance.
 ///
@@ -21,12 +21,11 @@ const REGULARISATION: f32 = 1e-4;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quadric {
     /// Diagonal of `A`: xx, yy, zz.
-    diagonal: Vec3,
+    pub(crate) diagonal: Vec3,
     /// The rest of the symmetric `A`: yz, xz, xy.
-    off_diagonal: Vec3,
-    b: Vec3,
-    c: f32,
-    weight: f32,
+    pub(crate) off_diagonal: Vec3,
+    pub(crate) b: Vec3,
+    pub(crate) c: f32,
 }
 
 impl Quadric {
@@ -38,18 +37,18 @@ impl Quadric {
                 * weight,
             b: -offset * weight * normal,
             c: offset * offset * weight,
-            weight,
         }
     }
 
-    /// Sum of the weights.
+    /// Sum of the weights: the trace of `A`, since the normals are of unit length.
     pub fn weight(&self) -> f32 {
-        self.weight
+        self.diagonal.element_sum()
     }
 
     /// The mean squared distance to the planes, weighted; zero without planes.
     pub fn mean_squared_distance(&self, at: Vec3) -> f32 {
-        if self.weight > 0.0 { self.cost(at) / self.weight } else { 0.0 }
+        let weight = self.weight();
+        if weight > 0.0 { self.cost(at) / weight } else { 0.0 }
     }
 
     #[inline]
@@ -90,7 +89,6 @@ impl ErrorMetric for Quadric {
         self.off_diagonal += other.off_diagonal;
         self.b += other.b;
         self.c += other.c;
-        self.weight += other.weight;
     }
 
     #[inline]
