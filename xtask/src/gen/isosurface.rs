@@ -1,13 +1,13 @@
 //! The surface of an analytic function, by marching tetrahedra, as a scanner's pipeline emits it.
 //!
-//! The grid is walked in slabs of blocks along z. A block far from the surface, by the function's
-//! Lipschitz bound, is skipped whole; so time goes with the surface, not the volume, and memory is
-//! one block. Each cube is cut into six tetrahedra about its main diagonal (Kuhn's subdivision),
-//! which makes the surface a closed manifold for any function that is positive at the border of the
-//! grid.
+//! The grid is walked in slabs of blocks along z. Blocks far from the surface, by the function's
+//! Lipschitz bound, are skipped, many at a time; so time goes with the surface, not the volume, and
+//! memory is one slab's list of blocks.
 
 use std::io;
 
+use super::figure::{Parts, Points, figure, figure_around};
+use super::marching::{CUBES, Edge, Edges, Inside, NUM_POINTS, PLACES, Table};
 use super::noise::{Permutation, hash, unit};
 use super::{Emit, Options, Triangle};
 
@@ -15,15 +15,14 @@ use super::{Emit, Options, Triangle};
 const SCALE: f64 = 60.0;
 /// Half the domain's height over half its width.
 const TALL: f64 = 1.6;
-/// Cubes along the edge of the blocks that slabs consist of, and of the smallest ones.
-const BLOCK: u64 = 8;
-const SMALL: u64 = 4;
-/// Points along the edge of a smallest block.
-const POINTS: usize = SMALL as usize + 1;
-/// Bound of the function's gradient: 1 for the distance, the rest for the texture.
-const LIPSCHITZ: f64 = 1.0 + TEXTURE[0][0] * TEXTURE[0][1] + TEXTURE[1][0] * TEXTURE[1][1];
+/// Cubes along the edge of the blocks that slabs consist of; they are cut in eight.
+const BLOCK: u64 = 2 * CUBES;
 /// Amplitude and frequency of the texture's octaves.
 const TEXTURE: [[f64; 2]; 2] = [[0.015, 17.0], [0.003, 71.0]];
+/// Bound of the texture.
+const ROUGHNESS: f64 = TEXTURE[0][0] + TEXTURE[1][0];
+/// Bound of the function's gradient: 1 for the distance, the rest for the texture.
+const LIPSCHITZ: f64 = 1.0 + TEXTURE[0][0] * TEXTURE[0][1] + TEXTURE[1][0] * TEXTURE[1][1];
 /// Crossings stay this share of an edge away from its ends: else several could round to one position.
 const MARGIN: f64 = 0.03;
 /// Trial grids to find the resolution, and how fine they may be.
@@ -31,10 +30,6 @@ const TRIALS: usize = 6;
 const FINEST_TRIAL: f64 = 320.0;
 /// Triangles to hand on at once.
 const CHUNK: usize = 4096;
-
-/// The corners of the six tetrahedra of a cube; bit i of a corner is its step along axis i.
-const TETRAHEDRA: [[u8; 4]; 6] =
-    [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
 /// The plan of an isosurface.
 #[derive(Debug)]
@@ -48,99 +43,11 @@ pub struct Isosurface {
     table: Table,
 }
 
-/// The triangles of a tetrahedron by the mask of its corners that are inside.
-#[derive(Debug)]
-struct Table([[Vec<[[u8; 2]; 3]>; 16]; 6]);
-
-impl Table {
-    fn new() -> Self {
-        Self(TETRAHEDRA.map(|corners| {
-            std::array::from_fn(|mask| {
-                let (inside, outside): (Vec<usize>, Vec<usize>) =
-                    (0..4).partition(|i| mask >> i & 1 == 1);
-                let order: Vec<usize> = inside.iter().chain(&outside).copied().collect();
-                let inversions = (0..4)
-                    .flat_map(|i| (0..i).map(move |j| (i, j)))
-                    .filter(|&(i, j)| order[j] > order[i])
-                    .count();
-                let edge = |a: usize, b: usize| {
-                    let [a, b] = [corners[order[a]], corners[order[b]]];
-                    [a.min(b), a.max(b)]
-                };
-                // Outward for an even order of the corners of a positively oriented tetrahedron.
-                let mut triangles = match inside.len() {
-                    1 => vec![[edge(0, 1), edge(0, 2), edge(0, 3)]],
-                    2 => vec![
-                        [edge(0, 2), edge(0, 3), edge(1, 3)],
-                        [edge(0, 2), edge(1, 3), edge(1, 2)],
-                    ],
-                    3 => vec![[edge(0, 3), edge(1, 3), edge(2, 3)]],
-                    _ => Vec::new(),
-                };
-                if inversions % 2 == 1 {
-                    triangles.iter_mut().for_each(|t| t.swap(1, 2));
-                }
-                triangles
-            })
-        }))
-    }
-}
-
-fn length(p: [f64; 3]) -> f64 {
-    (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt()
-}
-
-fn capsule(p: [f64; 3], a: [f64; 3], b: [f64; 3], radius: f64) -> f64 {
-    let [pa, ba] = [[0, 1, 2].map(|i| p[i] - a[i]), [0, 1, 2].map(|i| b[i] - a[i])];
-    let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
-    let along = (dot(pa, ba) / dot(ba, ba)).clamp(0.0, 1.0);
-    length([0, 1, 2].map(|i| pa[i] - along * ba[i])) - radius
-}
-
-/// A torus about the axis that `p` has as its third coordinate.
-fn torus(p: [f64; 3], major: f64, minor: f64) -> f64 {
-    let ring = (p[0] * p[0] + p[1] * p[1]).sqrt() - major;
-    (ring * ring + p[2] * p[2]).sqrt() - minor
-}
-
-/// Two parts' distances blend where they differ by less than this.
-const WIDTH: f64 = 0.06;
-
-/// The lesser of both, rounded where they meet; its gradient is no longer than theirs.
-fn smooth_min(a: f64, b: f64) -> f64 {
-    let h = (WIDTH - (a - b).abs()).max(0.0) / WIDTH;
-    a.min(b) - h * h * WIDTH * 0.25
-}
-
-/// Number of the figure's parts.
-const NUM_PARTS: usize = 6;
-/// All parts, as a mask.
-const ALL_PARTS: u8 = (1 << NUM_PARTS) - 1;
-
-/// The distance to one part of the figure on a ring, with arms and a handle.
-#[inline]
-fn part(p: [f64; 3], part: usize) -> f64 {
-    let [x, y, z] = p;
-    match part {
-        0 => capsule(p, [0.0, 0.0, -1.0], [0.0, 0.0, 0.45], 0.36),
-        1 => length([x - 0.05, y, z - 1.05]) - 0.3,
-        2 => capsule(p, [0.0, 0.3, 0.45], [0.35, 0.72, -0.1], 0.13),
-        3 => capsule(p, [0.0, -0.3, 0.45], [0.3, -0.7, 0.7], 0.13),
-        4 => torus([x, y, z + 1.15], 0.5, 0.2),
-        _ => torus([x + 0.45, z - 0.05, y], 0.3, 0.09),
-    }
-}
-
-/// The distance to the figure, nearly, from its parts in `mask`.
-#[inline]
-fn figure(p: [f64; 3], mask: u8) -> f64 {
-    let (mut distance, mut mask) = (f64::INFINITY, mask);
-    while mask != 0 {
-        let one = part(p, mask.trailing_zeros() as usize);
-        distance = if distance.is_finite() { smooth_min(distance, one) } else { one };
-        mask &= mask - 1;
-    }
-    distance
+/// The function at the points of a small block that the surface meets.
+struct Samples<'a> {
+    first: [u64; 3],
+    values: &'a [f64; NUM_POINTS],
+    inside: Inside,
 }
 
 impl Isosurface {
@@ -184,18 +91,18 @@ impl Isosurface {
     }
 
     /// The position of a place of the grid, in units of half the domain's width.
-    fn place(&self, i: [f64; 3]) -> [f64; 3] {
+    #[inline]
+    fn position(&self, i: [f64; 3]) -> [f64; 3] {
         let [xy, z] = self.cubes.map(|n| n as f64 / 2.0);
         [(i[0] - xy) * self.step, (i[1] - xy) * self.step, (i[2] - z) * self.step]
     }
 
-    fn value(&self, [x, y, z]: [u64; 3], parts: u8) -> f64 {
-        let mut value = figure(self.place([x as f64, y as f64, z as f64]), parts);
-        for ([sx, sy, sz], [amplitude, _]) in self.sines.iter().zip(TEXTURE) {
-            value += amplitude * sx[x as usize] * sy[y as usize] * sz[z as usize];
-        }
-        // An exact zero counts as inside.
-        value
+    /// What the texture adds to the figure's distance at a point of the grid.
+    #[inline]
+    fn add_texture(&self, value: f64, [x, y, z]: [u64; 3]) -> f64 {
+        self.sines.iter().zip(TEXTURE).fold(value, |value, ([sx, sy, sz], [amplitude, _])| {
+            value + amplitude * sx[x as usize] * sy[y as usize] * sz[z as usize]
+        })
     }
 
     fn num_blocks(&self) -> [u64; 3] {
@@ -203,31 +110,53 @@ impl Isosurface {
         [xy, xy, z]
     }
 
+    /// Appends the blocks of a slab that may meet the surface, from those of a square.
+    fn find_blocks(
+        &self,
+        [x, y]: [u64; 2],
+        slab: u64,
+        size: u64,
+        parts: Parts,
+        found: &mut Vec<u64>,
+    ) {
+        let [nx, ny, _] = self.num_blocks();
+        if x >= nx || y >= ny {
+            return;
+        }
+        let half = [size, size, 1].map(|blocks| (blocks * BLOCK) as f64 / 2.0);
+        let first = [x, y, slab].map(|block| (block * BLOCK) as f64);
+        let center = self.position([0, 1, 2].map(|axis| first[axis] + half[axis]));
+        let reach = half.iter().map(|h| h * h).sum::<f64>().sqrt() * self.step;
+        let (distance, parts) = figure_around(center, reach, parts);
+        if distance.abs() > reach + ROUGHNESS {
+            return;
+        }
+        if size == 1 {
+            return found.push((slab * ny + y) * nx + x);
+        }
+        let half = size / 2;
+        for [i, j] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
+            self.find_blocks([x + half * i, y + half * j], slab, half, parts, found);
+        }
+    }
+
     /// Visits the small blocks of a block that may meet the surface.
     fn descend(
         &self,
         first: [u64; 3],
         size: u64,
-        parts: u8,
-        visit: &mut dyn FnMut([u64; 3], u8) -> io::Result<()>,
+        parts: Parts,
+        visit: &mut dyn FnMut([u64; 3], Parts) -> io::Result<()>,
     ) -> io::Result<()> {
         // Blocks have an even number of cubes along each edge: the center is a point of the grid.
         let middle = first.map(|c| c + size / 2);
         let reach = LIPSCHITZ * self.step * size as f64 * 0.5 * 3.0_f64.sqrt();
-        if self.value(middle, parts).abs() > reach {
+        let (distance, parts) =
+            figure_around(self.position(middle.map(|c| c as f64)), reach, parts);
+        if self.add_texture(distance, middle).abs() > reach {
             return Ok(());
         }
-        // Parts too far off to have an influence anywhere in the block, to the last bit, are left out:
-        // blending lowers a distance by at most a quarter of the width per part.
-        let is_set = |i: &usize| parts >> i & 1 == 1;
-        let center = self.place(middle.map(|c| c as f64));
-        let distances: [f64; NUM_PARTS] = std::array::from_fn(|i| part(center, i));
-        let nearest = (0..NUM_PARTS).filter(is_set).fold(f64::INFINITY, |d, i| d.min(distances[i]));
-        let limit = nearest + 2.0 * reach + WIDTH * (1.0 + 0.25 * NUM_PARTS as f64);
-        let parts = (0..NUM_PARTS)
-            .filter(is_set)
-            .fold(0, |mask, i| mask | u8::from(distances[i] <= limit) << i);
-        if size == SMALL {
+        if size == CUBES {
             return visit(first, parts);
         }
         let half = size / 2;
@@ -238,74 +167,61 @@ impl Isosurface {
         Ok(())
     }
 
-    /// Evaluates the function at a small block's points; none if all have one sign.
-    fn sample(
-        &self,
-        first: [u64; 3],
-        parts: u8,
-        values: &mut [f64; POINTS * POINTS * POINTS],
-    ) -> bool {
-        let mut inside = 0;
-        for z in 0..POINTS {
-            for y in 0..POINTS {
-                for x in 0..POINTS {
-                    let at = [first[0] + x as u64, first[1] + y as u64, first[2] + z as u64];
-                    let value = self.value(at, parts);
-                    inside += usize::from(value <= 0.0);
-                    values[(z * POINTS + y) * POINTS + x] = value;
-                }
+    /// The function at a small block's points.
+    fn sample(&self, first: [u64; 3], parts: Parts) -> [f64; NUM_POINTS] {
+        let mut points: Points<NUM_POINTS> = [[0.0; NUM_POINTS]; 3];
+        for (point, place) in PLACES.iter().enumerate() {
+            let position = self.position([0, 1, 2].map(|axis| (first[axis] + place[axis]) as f64));
+            for (axis, c) in position.into_iter().enumerate() {
+                points[axis][point] = c;
             }
         }
-        inside > 0 && inside < values.len()
+        let mut values = figure(&points, parts);
+        for (value, place) in values.iter_mut().zip(&PLACES) {
+            *value = self.add_texture(*value, [0, 1, 2].map(|axis| first[axis] + place[axis]));
+        }
+        values
     }
 
-    /// Calls `cube` with the place and the corners' values of each cube that the surface cuts.
-    fn cut_cubes(
+    /// Calls `visit` for each small block of a block that the surface meets.
+    fn sample_block(
         &self,
         block: u64,
-        keep: &dyn Fn([u64; 3]) -> bool,
-        cube: &mut dyn FnMut([u64; 3], [f64; 8]) -> io::Result<()>,
+        visit: &mut dyn FnMut(Samples<'_>) -> io::Result<()>,
     ) -> io::Result<()> {
         let [nx, ny, _] = self.num_blocks();
-        let first = [block % nx * BLOCK, block / nx % ny * BLOCK, block / (nx * ny) * BLOCK];
-        let mut values = [0.0; POINTS * POINTS * POINTS];
-        self.descend(first, BLOCK, ALL_PARTS, &mut |first, parts| {
-            if !self.sample(first, parts, &mut values) {
-                return Ok(());
-            }
-            for place in 0..SMALL * SMALL * SMALL {
-                let [x, y, z] = [place % SMALL, place / SMALL % SMALL, place / (SMALL * SMALL)];
-                let corner = ((z as usize * POINTS) + y as usize) * POINTS + x as usize;
-                let corners: [f64; 8] = std::array::from_fn(|c| {
-                    values[corner + (c & 1) + (c >> 1 & 1) * POINTS + (c >> 2) * POINTS * POINTS]
-                });
-                let inside = corners.iter().filter(|&&v| v <= 0.0).count();
-                let at = [first[0] + x, first[1] + y, first[2] + z];
-                if inside > 0 && inside < 8 && keep(at) {
-                    cube(at, corners)?;
-                }
-            }
-            Ok(())
+        let first = [block % nx, block / nx % ny, block / (nx * ny)].map(|c| c * BLOCK);
+        self.descend(first, BLOCK, Parts::ALL, &mut |first, parts| {
+            let values = &self.sample(first, parts);
+            visit(Samples { first, values, inside: Inside::new(values) })
         })
     }
 
-    /// The triangles, as corners of cube edges, of a cube with these values at its corners.
-    fn cut(&self, corners: &[f64; 8]) -> impl Iterator<Item = &[[u8; 2]; 3]> {
-        TETRAHEDRA.iter().zip(&self.table.0).flat_map(|(tetrahedron, by_mask)| {
-            let bit = |i: usize| usize::from(corners[tetrahedron[i] as usize] <= 0.0) << i;
-            &by_mask[bit(0) | bit(1) | bit(2) | bit(3)]
-        })
+    /// Calls `visit` for each small block that the surface meets, slab by slab.
+    fn sample_all(&self, visit: &mut dyn FnMut(Samples<'_>) -> io::Result<()>) -> io::Result<()> {
+        let [nx, ny, num_slabs] = self.num_blocks();
+        let mut blocks = Vec::new();
+        for slab in 0..num_slabs {
+            blocks.clear();
+            let square = nx.max(ny).next_power_of_two();
+            self.find_blocks([0, 0], slab, square, Parts::ALL, &mut blocks);
+            blocks.sort_unstable();
+            blocks.iter().try_for_each(|&block| self.sample_block(block, visit))?;
+        }
+        Ok(())
     }
 
     fn count(&self, keep: &dyn Fn([u64; 3]) -> bool) -> u64 {
         let mut count = 0;
-        for block in 0..self.num_blocks().iter().product() {
-            let counted = self.cut_cubes(block, keep, &mut |_, corners| {
-                count += self.cut(&corners).count() as u64;
-                Ok(())
-            });
-            debug_assert!(counted.is_ok(), "counting writes nothing");
-        }
+        let counted = self.sample_all(&mut |samples| {
+            for cube in samples.inside.cut_cubes() {
+                if keep(samples.at(cube.point)) {
+                    count += self.table.num_triangles(cube);
+                }
+            }
+            Ok(())
+        });
+        debug_assert!(counted.is_ok(), "counting writes nothing");
         count
     }
 
@@ -316,45 +232,53 @@ impl Isosurface {
 
     /// Streams the triangles, slab by slab or, shuffled, block by block.
     pub fn triangles(&self, options: &Options, emit: &mut Emit<'_>) -> io::Result<()> {
-        let keep = |at: [u64; 3]| !is_hole(at, options);
-        let num_blocks = self.num_blocks().iter().product();
-        let order = options.shuffle.then(|| Permutation::new(num_blocks, options.seed ^ 0x5_0f1e));
         let mut chunk: Vec<Triangle> = Vec::with_capacity(2 * CHUNK);
-        for index in 0..num_blocks {
-            let block = order.map_or(index, |order| order.at(index));
-            self.cut_cubes(block, &keep, &mut |at, corners| {
-                for triangle in self.cut(&corners) {
-                    chunk.push(triangle.map(|edge| self.crossing(at, edge, &corners, options)));
+        let mut crossings = Edges::new([0.0; 3]);
+        let mut cut = |samples: Samples<'_>| {
+            for edge in samples.inside.crossed_edges() {
+                crossings.set(edge, self.crossing(&samples, edge, options));
+            }
+            for cube in samples.inside.cut_cubes() {
+                if !is_hole(samples.at(cube.point), options) {
+                    chunk.extend(self.table.triangles(cube, &crossings));
                 }
-                if chunk.len() >= CHUNK {
-                    emit(&chunk)?;
-                    chunk.clear();
-                }
-                Ok(())
-            })?;
+            }
+            if chunk.len() >= CHUNK {
+                emit(&chunk)?;
+                chunk.clear();
+            }
+            Ok(())
+        };
+        if options.shuffle {
+            let num_blocks = self.num_blocks().iter().product();
+            let order = Permutation::new(num_blocks, options.seed ^ 0x5_0f1e);
+            (0..num_blocks).try_for_each(|block| self.sample_block(order.at(block), &mut cut))?;
+        } else {
+            self.sample_all(&mut cut)?;
         }
         emit(&chunk)
     }
 
-    /// Where the surface crosses an edge: the same bits in every cube that has the edge.
+    /// Where the surface crosses an edge: the same bits in every block that has the edge.
     #[inline]
-    fn crossing(
-        &self,
-        at: [u64; 3],
-        [a, b]: [u8; 2],
-        corners: &[f64; 8],
-        options: &Options,
-    ) -> [f32; 3] {
-        let [va, vb] = [corners[a as usize], corners[b as usize]];
+    fn crossing(&self, samples: &Samples<'_>, edge: Edge, options: &Options) -> [f32; 3] {
+        let [va, vb] = [edge.point, edge.end()].map(|point| samples.values[point]);
         let t = (va / (va - vb)).clamp(MARGIN, 1.0 - MARGIN);
-        let offset = |corner: u8, axis: usize| f64::from(corner >> axis & 1);
-        let place = self.place([0, 1, 2].map(|axis| {
-            let from = at[axis] as f64 + offset(a, axis);
-            from + t * (offset(b, axis) - offset(a, axis))
-        }));
+        let (from, step) = (samples.at(edge.point), edge.step());
+        let [x, y, z] =
+            self.position([0, 1, 2].map(|axis| from[axis] as f64 + t * step[axis] as f64));
         // Turned to stand along y, which is upwards for most viewers.
-        let turned = [place[0], place[2], -place[1]];
+        let turned = [x, z, -y];
         [0, 1, 2].map(|axis| (SCALE * turned[axis] + options.origin[axis]) as f32)
+    }
+}
+
+impl Samples<'_> {
+    /// The place in the grid of a point of the block, or of the cube above it.
+    #[inline]
+    fn at(&self, point: usize) -> [u64; 3] {
+        let place = PLACES[point];
+        [0, 1, 2].map(|axis| self.first[axis] + place[axis])
     }
 }
 

@@ -6,7 +6,9 @@
 //! unless [`Options::holes`] asks otherwise.
 
 mod command;
+mod figure;
 mod isosurface;
+mod marching;
 mod noise;
 mod output;
 mod rings;
@@ -117,7 +119,8 @@ impl Generator {
     /// The number of triangles that [`triangles`](Self::triangles) emits.
     ///
     /// # Complexity
-    /// Constant time for a closed scan or torus, else a walk over the mesh without its positions.
+    /// Time goes with the rings and holes of a scan or torus; an isosurface is walked without its
+    /// positions.
     pub fn num_triangles(&self) -> u64 {
         match &self.surface {
             Surface::Scan(scan) => rings::num_triangles(scan, &self.options),

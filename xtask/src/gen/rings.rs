@@ -73,20 +73,28 @@ impl Part {
         Self { rings, lens, steps }
     }
 
+    /// Number of steps, along both rings together.
+    fn num_steps(&self) -> u64 {
+        self.steps.iter().map(|steps| steps.end - steps.start).sum()
+    }
+
     /// Calls `triangle(side, a, b)` per step: `a`, `b` are the places before it along both rings.
     #[inline]
     fn walk(&self, holes: &Holes, mut triangle: impl FnMut(usize, u64, u64)) {
         let ends = [self.steps[0].end, self.steps[1].end];
         let [mut a, mut b] = [self.steps[0].start, self.steps[1].start];
-        let strip_holes = holes.of_strip(self);
+        let mut holes = holes.of_strip(self, a + b);
+        let mut hole = holes.next().unwrap_or(NO_HOLE);
         // Angles of the next steps, both times 2 · len · len.
         let [step_a, step_b] = [2 * self.lens[1], 2 * self.lens[0]];
         let mut angle_a = (2 * (a + 1) + self.rings[0] % 2) * self.lens[1];
         let mut angle_b = (2 * (b + 1) + self.rings[1] % 2) * self.lens[0];
         while a < ends[0] || b < ends[1] {
             let along_a = b >= ends[1] || (a < ends[0] && angle_a <= angle_b);
-            if !strip_holes.is_hole(a + b) {
+            if a + b < hole.start {
                 triangle(usize::from(!along_a), a, b);
+            } else if a + b + 1 == hole.end {
+                hole = holes.next().unwrap_or(NO_HOLE);
             }
             if along_a {
                 a += 1;
@@ -102,6 +110,9 @@ impl Part {
 /// Steps between the starts of two possible holes.
 const SITE: u64 = 12;
 
+/// The hole after the last.
+const NO_HOLE: Range<u64> = u64::MAX..u64::MAX;
+
 /// Which triangles are left out.
 ///
 /// A hole is a run of 2 to 6 triangles in a strip whose first ring is odd. Runs are at least 6
@@ -113,12 +124,6 @@ struct Holes {
     seed: u64,
 }
 
-struct StripHoles {
-    probability: f64,
-    seed: u64,
-    num_sites: u64,
-}
-
 impl Holes {
     fn new(options: &Options) -> Self {
         // On average 4 triangles with 6 boundary edges and 3 edges inside, of 36 edges to a site.
@@ -126,39 +131,31 @@ impl Holes {
         Self { probability: 36.0 * share / (6.0 + 3.0 * share), seed: hash(options.seed ^ 0x401e5) }
     }
 
-    fn of_strip(&self, part: &Part) -> StripHoles {
+    /// The holes of a part's strip that end after a step, in order: ranges of steps, none empty.
+    fn of_strip(&self, part: &Part, step: u64) -> impl Iterator<Item = Range<u64>> + use<> {
         let [short, long] = [part.lens[0].min(part.lens[1]), part.lens[0].max(part.lens[1])];
-        let eligible = part.rings[0] % 2 == 1 && short >= 12 && long <= 2 * short;
+        let eligible = part.rings[0] % 2 == 1 && short >= SITE && long <= 2 * short;
         let num_sites = if eligible && self.probability > 0.0 { (short + long) / SITE } else { 0 };
-        StripHoles {
-            probability: self.probability,
-            seed: hash(self.seed ^ part.rings[0]),
-            num_sites,
-        }
-    }
-}
-
-impl StripHoles {
-    #[inline]
-    fn is_hole(&self, step: u64) -> bool {
-        let site = step / SITE;
-        if site >= self.num_sites {
-            return false;
-        }
-        let random = hash(self.seed ^ site);
-        let run = 2 + random % 5;
-        (3..3 + run).contains(&(step % SITE)) && unit(hash(random)) < self.probability
+        let (probability, seed) = (self.probability, hash(self.seed ^ part.rings[0]));
+        (step / SITE..num_sites).filter_map(move |site| {
+            let random = hash(seed ^ site);
+            let start = site * SITE + 3;
+            let hole = start.max(step)..start + 2 + random % 5;
+            (!hole.is_empty() && unit(hash(random)) < probability).then_some(hole)
+        })
     }
 }
 
 /// Number of triangles that are left after the holes.
 pub fn num_triangles(surface: &dyn RingSurface, options: &Options) -> u64 {
     let holes = Holes::new(options);
-    let mut count = 0;
-    for strip in 0..surface.num_strips() {
-        Part::new(surface, strip, 0, 1).walk(&holes, |_, _, _| count += 1);
-    }
-    count
+    (0..surface.num_strips())
+        .map(|strip| {
+            let part = Part::new(surface, strip, 0, 1);
+            let left_out = holes.of_strip(&part, 0).map(|hole| hole.end - hole.start);
+            part.num_steps() - left_out.sum::<u64>()
+        })
+        .sum()
 }
 
 /// Strips and steps of a block that is generated as a whole when the order is shuffled.

@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 use super::Options;
-use super::noise::{hash, octaves, signed, unit, value_noise};
+use super::noise::{LANES, Lane, NoiseWalk, hash, octaves, signed, sum_octaves, unit};
 use super::rings::{RingSurface, turn};
 
 /// Half the statue's height, in millimetres.
@@ -20,6 +20,10 @@ const PROFILE_SAMPLES: usize = 1 << 14;
 /// The planar cut: its normal's angle about z and its distance from the z axis, in half heights.
 const CUT_ANGLE: f64 = 2.2;
 const CUT_DISTANCE: f64 = 0.36;
+/// Octaves of the detail; the noise that varies its strength and the one that bends folds come after.
+const OCTAVES: usize = 6;
+const STRENGTH: usize = OCTAVES;
+const BEND: usize = OCTAVES + 1;
 
 /// A bulge of the statue.
 #[derive(Debug, Clone, Copy)]
@@ -37,6 +41,7 @@ pub struct Scan {
     /// profile's parameter.
     profile: Vec<[f64; 2]>,
     lobes: Vec<Lobe>,
+    noise: [Lane; LANES],
     num_rings: u64,
     num_ring_vertices: u64,
     edge_length: f64,
@@ -82,6 +87,10 @@ impl Scan {
         let num_rings = (ratio * num_ring_vertices as f64).sqrt().round() as u64;
         let num_rings = num_rings.clamp(3, num_ring_vertices / 6);
         let seed = hash(options.seed);
+        let noise_seed = (seed >> 32) as u32;
+        let mut noise = octaves(6.0, OCTAVES, noise_seed);
+        noise[STRENGTH] = Lane { frequency: 2.5, shift: 0.0, seed: noise_seed ^ 5 };
+        noise[BEND] = Lane { frequency: 4.0, shift: 0.0, seed: 77 };
         let lobes = (0..9)
             .map(|i| {
                 let random = |k: u64| unit(hash(seed ^ (i << 8) ^ k));
@@ -97,6 +106,7 @@ impl Scan {
         Self {
             profile: table,
             lobes,
+            noise,
             num_rings,
             num_ring_vertices,
             edge_length: HALF_HEIGHT * length / num_rings as f64 / 0.866,
@@ -162,11 +172,52 @@ impl RingSurface for Scan {
             _ => profile(self.parameter(ring as f64 / last as f64)),
         };
         let shape = RingShape::new(self, ring, radius, z);
+        let mut noise = NoiseWalk::new(&self.noise);
+        let mut directions = Directions::new(ring, len, vertices.start);
         for vertex in vertices {
-            let (sin, cos) = (TAU * turn(ring, vertex, len)).sin_cos();
             let random = hash(self.seed ^ (ring << 32) ^ vertex);
-            out.push(shape.position(self, [cos, sin], random));
+            out.push(shape.position(self, &mut noise, directions.next(), random));
         }
+    }
+}
+
+/// Cosine and sine at one vertex of a ring after the other.
+///
+/// Most are turned on from the one before; every few vertices they are calculated, so that errors do not
+/// add up and a walk that starts anywhere meets the same bits.
+struct Directions {
+    ring: u64,
+    len: u64,
+    vertex: u64,
+    current: [f64; 2],
+    step: [f64; 2],
+}
+
+/// Vertices from one calculated direction to the next.
+const EXACT_EVERY: u64 = 16;
+
+impl Directions {
+    fn new(ring: u64, len: u64, first: u64) -> Self {
+        let (sin, cos) = (TAU / len as f64).sin_cos();
+        let vertex = first - first % EXACT_EVERY;
+        let mut directions = Self { ring, len, vertex, current: [1.0, 0.0], step: [cos, sin] };
+        while directions.vertex < first {
+            directions.next();
+        }
+        directions
+    }
+
+    #[inline]
+    fn next(&mut self) -> [f64; 2] {
+        let ([cos, sin], [step_cos, step_sin]) = (self.current, self.step);
+        self.current = if self.vertex.is_multiple_of(EXACT_EVERY) {
+            let (sin, cos) = (TAU * turn(self.ring, self.vertex, self.len)).sin_cos();
+            [cos, sin]
+        } else {
+            [cos * step_cos - sin * step_sin, sin * step_cos + cos * step_sin]
+        };
+        self.vertex += 1;
+        self.current
     }
 }
 
@@ -179,8 +230,10 @@ struct RingShape {
     normal: [f64; 2],
     lobes: Vec<(f64, [f64; 2])>,
     folds: f64,
-    cut: f64,
-    noise_seed: u32,
+    /// Cosine and sine of the folds' turn.
+    fold_turn: [f64; 2],
+    cut_normal: [f64; 2],
+    cut_distance: f64,
 }
 
 impl RingShape {
@@ -194,19 +247,30 @@ impl RingShape {
             let amplitude = lobe.amplitude * bump(z, lobe.height, lobe.width);
             (amplitude > 1e-6).then_some((amplitude, lobe.direction))
         });
+        let axis = [0.08 * (2.6 * z + 0.5).sin(), 0.06 * (3.4 * z).cos()];
+        let cut_normal = [CUT_ANGLE.cos(), CUT_ANGLE.sin()];
+        let from_axis = axis[0] * cut_normal[0] + axis[1] * cut_normal[1];
         Self {
             radius,
             z,
-            axis: [0.08 * (2.6 * z + 0.5).sin(), 0.06 * (3.4 * z).cos()],
+            axis,
             normal: slope.map(|s| s / length),
             lobes: lobes.collect(),
             folds: 0.16 * bump(z, -0.55, 0.35),
-            cut: bump(z, 0.0, 0.7),
-            noise_seed: (scan.seed >> 32) as u32,
+            fold_turn: [(3.0 * z).cos(), (3.0 * z).sin()],
+            cut_normal,
+            cut_distance: CUT_DISTANCE + 0.6 * (1.0 - bump(z, 0.0, 0.7)) - from_axis,
         }
     }
 
-    fn position(&self, scan: &Scan, direction: [f64; 2], random: u64) -> [f32; 3] {
+    #[inline]
+    fn position(
+        &self,
+        scan: &Scan,
+        noise: &mut NoiseWalk,
+        direction: [f64; 2],
+        random: u64,
+    ) -> [f32; 3] {
         let [cos, sin] = direction;
         // Lobes are a high power of the cosine to their direction: smooth, and cheap.
         let mut scale = 1.0;
@@ -216,27 +280,22 @@ impl RingShape {
             scale += amplitude * facing * facing;
         }
         let base = [scale * self.radius * cos, scale * self.radius * sin, self.z];
-        let p = base.map(|c| c as f32);
+        let noise = noise.at(base.map(|c| c as f32));
         if self.folds > 1e-4 {
             // sin and cos of 4 angles more: sharp folds that wander with the height.
             let [c2, s2] = [cos * cos - sin * sin, 2.0 * cos * sin];
             let [c4, s4] = [c2 * c2 - s2 * s2, 2.0 * c2 * s2];
-            let wander = 3.0 * self.z + 0.8 * f64::from(value_noise(p.map(|c| 4.0 * c), 77));
-            let (turn_sin, turn_cos) = wander.sin_cos();
+            let [turn_cos, turn_sin] = turned(self.fold_turn, 0.8 * f64::from(noise[BEND]));
             scale *= 1.0 + self.folds * (0.5 - (s4 * turn_cos + c4 * turn_sin).abs());
         }
-        let rough = 0.6 + 0.5 * f64::from(value_noise(p.map(|c| 2.5 * c), self.noise_seed ^ 5));
-        let detail =
-            0.03 * rough * rough * f64::from(octaves(p.map(|c| 6.0 * c), 6, self.noise_seed));
+        let rough = 0.6 + 0.5 * f64::from(noise[STRENGTH]);
+        let detail = 0.03 * rough * rough * f64::from(sum_octaves(&noise[..OCTAVES]));
         let mut radius = (scale * self.radius
             + detail * self.normal[0] * self.radius.min(0.2) * 5.0)
             .max(0.3 * self.radius);
-        let facing = cos * CUT_ANGLE.cos() + sin * CUT_ANGLE.sin();
+        let facing = cos * self.cut_normal[0] + sin * self.cut_normal[1];
         if facing > 1e-3 {
-            let room = CUT_DISTANCE + 0.6 * (1.0 - self.cut)
-                - self.axis[0] * CUT_ANGLE.cos()
-                - self.axis[1] * CUT_ANGLE.sin();
-            radius = radius.min(room / facing);
+            radius = radius.min(self.cut_distance / facing);
         }
         let z = self.z + detail * self.normal[1];
         let jitter = 0.06 * scan.edge_length;
@@ -248,4 +307,17 @@ impl RingShape {
         // Turned to stand along y, which is upwards for most viewers.
         [0, 1, 2].map(|axis| ([x, z, -y][axis] + scan.origin[axis]) as f32)
     }
+}
+
+/// A direction turned on by an angle in `[-0.8, 0.8]`, by the first terms of sine's and cosine's
+/// series: nine digits.
+#[inline]
+fn turned([cos, sin]: [f64; 2], angle: f64) -> [f64; 2] {
+    let square = angle * angle;
+    let series = |divisors: [f64; 5]| {
+        divisors.iter().rev().fold(1.0, |sum, divisor| 1.0 - sum * square * (1.0 / divisor))
+    };
+    let turn_sin = angle * series([6.0, 20.0, 42.0, 72.0, 110.0]);
+    let turn_cos = series([2.0, 12.0, 30.0, 56.0, 90.0]);
+    [cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin]
 }

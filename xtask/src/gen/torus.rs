@@ -7,12 +7,14 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::Options;
-use super::noise::{hash, octaves};
+use super::noise::{LANES, Lane, NoiseWalk, hash, octaves, sum_octaves};
 use super::rings::{RingSurface, turn};
 
 /// Radius of the tube's centre line and of the tube, in millimetres.
 const MAJOR: f64 = 80.0;
 const MINOR: f64 = 30.0;
+/// Octaves of the noise.
+const OCTAVES: usize = 5;
 
 /// The plan of a torus.
 #[derive(Debug)]
@@ -20,8 +22,28 @@ pub struct Torus {
     /// Half the number of rings.
     half: u64,
     ring_len: u64,
+    /// Where the vertices of even and of odd rings are around the tube.
+    around: [Vec<Around>; 2],
     origin: [f64; 3],
-    noise_seed: u32,
+    noise: [Lane; LANES],
+}
+
+/// A direction around the tube.
+#[derive(Debug)]
+struct Around {
+    sin: f64,
+    cos: f64,
+    /// Height of the studs, which stand in rows.
+    stud: f64,
+}
+
+impl Around {
+    fn new(ring: u64, vertex: u64, ring_len: u64) -> Self {
+        // Clockwise, so that the next ring lies on the left.
+        let angle = -TAU * turn(ring, vertex, ring_len);
+        let (sin, cos) = angle.sin_cos();
+        Self { sin, cos, stud: (9.0 * angle).sin() }
+    }
 }
 
 impl Torus {
@@ -41,8 +63,11 @@ impl Torus {
         Self {
             half: (quarter / ring_len as f64).round().max(2.0) as u64,
             ring_len,
+            around: [0, 1].map(|ring| {
+                (0..ring_len).map(|vertex| Around::new(ring, vertex, ring_len)).collect()
+            }),
             origin: options.origin,
-            noise_seed: hash(options.seed) as u32,
+            noise: octaves(1.0, OCTAVES, hash(options.seed) as u32),
         }
     }
 }
@@ -75,15 +100,14 @@ impl RingSurface for Torus {
     fn positions(&self, ring: u64, vertices: Range<u64>, out: &mut Vec<[f32; 3]>) {
         let angle = TAU * ring as f64 / (2 * self.half) as f64;
         let (sin_major, cos_major) = angle.sin_cos();
-        for vertex in vertices {
-            // Clockwise, so that the next ring lies on the left.
-            let around = -TAU * turn(ring, vertex, self.ring_len);
-            let (sin, cos) = around.sin_cos();
+        let studs = (24.0 * angle).sin();
+        let mut noise = NoiseWalk::new(&self.noise);
+        let around = &self.around[(ring % 2) as usize];
+        for &Around { sin, cos, stud } in &around[vertices.start as usize..vertices.end as usize] {
             let base = MAJOR + MINOR * cos;
             let p = [base * cos_major, base * sin_major, MINOR * sin].map(|c| (c / 12.0) as f32);
-            // Studs in rows, and noise upon them.
-            let studs = (24.0 * angle).sin() * (9.0 * around).sin();
-            let minor = MINOR + 1.2 * studs + 0.8 * f64::from(octaves(p, 5, self.noise_seed));
+            let rough = f64::from(sum_octaves(&noise.at(p)[..OCTAVES]));
+            let minor = MINOR + 1.2 * (studs * stud) + 0.8 * rough;
             let base = MAJOR + minor * cos;
             out.push([
                 (base * cos_major + self.origin[0]) as f32,
