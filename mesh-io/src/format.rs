@@ -81,6 +81,12 @@ impl Format {
         }
     }
 
+    /// Whether a file of this format can hold coordinates in double precision, as those of a [`Frame`](crate::Frame) far
+    /// from zero need it: PLY, OBJ and STL as text do; binary STL and glTF round them to `f32`.
+    pub fn holds_doubles(self) -> bool {
+        !matches!(self, Self::StlBinary | Self::Gltf | Self::Glb)
+    }
+
     /// Every format, in the order of the declaration.
     pub const ALL: [Self; 8] = [
         Self::StlBinary,

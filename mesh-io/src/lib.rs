@@ -30,6 +30,8 @@
 //!
 //! - Coordinates are in the file's own frame and unit; no axis is swapped and no winding is changed (a glTF node that
 //!   mirrors turns its triangles round, as that format demands).
+//! - Coordinates that `f32` would crush (doubles and decimals far from zero) are streamed about a local origin and
+//!   written back about it; see [`Frame`]. [`read_mesh`] leaves them where they are.
 //! - Decimal numbers are rounded to the nearest `f32`; written ones are the shortest that read back to the same bits.
 //! - Non-finite coordinates pass through; degenerate triangles too. Faces with fewer than three corners have no area and
 //!   are left out.
@@ -74,8 +76,11 @@ pub use format::{Format, Packing};
 pub use frame::Frame;
 pub use mesh::{IndexedMesh, Triangle};
 pub use read::{
-    ReadOptions, open_source, open_source_with, read_mesh, read_mesh_from, read_mesh_with,
-    source_from,
+    ReadOptions, open_source, open_source_with, read_mesh, read_mesh_from, read_mesh_in_frame,
+    read_mesh_with, source_from,
 };
 pub use stream::{MeshSource, TriangleSink, TriangleSource};
-pub use write::{create_sink, create_sink_as, sink_to, write_mesh, write_mesh_as, write_mesh_to};
+pub use write::{
+    create_sink, create_sink_as, create_sink_in, sink_to, sink_to_in, write_mesh, write_mesh_as,
+    write_mesh_to,
+};

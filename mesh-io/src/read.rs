@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use crate::{Error, Format, IndexedMesh, TriangleSource};
+use crate::frame::Framing;
+use crate::{Error, Format, Frame, IndexedMesh, TriangleSource};
 
 /// How to read a mesh.
 #[derive(Clone, Copy, Default)]
@@ -44,7 +45,8 @@ impl<'a> ReadOptions<'a> {
 
 /// Reads a whole mesh; the format goes by the extension, and by the content where that tells nothing.
 ///
-/// STL corners with the same coordinate bits become one vertex; the other formats' vertices stay as they are.
+/// STL corners with the same coordinate bits become one vertex; the other formats' vertices stay as they are. Coordinates
+/// are rounded to `f32` where they are, see [`read_mesh_in_frame`].
 ///
 /// # Errors
 ///
@@ -59,10 +61,31 @@ pub fn read_mesh(path: &Path) -> Result<IndexedMesh, Error> {
 ///
 /// As [`read_mesh`].
 pub fn read_mesh_with(path: &Path, options: &ReadOptions<'_>) -> Result<IndexedMesh, Error> {
+    read_whole(path, options, Framing::Own).map(|(mesh, _)| mesh)
+}
+
+/// [`read_mesh_with`] that keeps the digits of coordinates far from zero: positions are in the [`Frame`] that comes with
+/// the mesh, as those of a [`TriangleSource`] are.
+///
+/// # Errors
+///
+/// As [`read_mesh`].
+pub fn read_mesh_in_frame(
+    path: &Path,
+    options: &ReadOptions<'_>,
+) -> Result<(IndexedMesh, Frame), Error> {
+    read_whole(path, options, Framing::Local)
+}
+
+fn read_whole(
+    path: &Path,
+    options: &ReadOptions<'_>,
+    framing: Framing,
+) -> Result<(IndexedMesh, Frame), Error> {
     let (file, name, length) = open(path)?;
     let reader = Progress { reader: file, done: 0, total: length, report: options.progress };
     let format = options.format.or_else(|| Format::from_path(path));
-    dispatch::mesh(reader, length, format, &name, path.parent())
+    dispatch::mesh(reader, length, format, &name, path.parent(), framing)
 }
 
 /// Reads a whole mesh from a reader; `name` is for messages.
@@ -85,12 +108,13 @@ pub fn read_mesh_from(
     format: Format,
     name: &str,
 ) -> Result<IndexedMesh, Error> {
-    dispatch::mesh(reader, None, Some(format), name, None)
+    dispatch::mesh(reader, None, Some(format), name, None, Framing::Own).map(|(mesh, _)| mesh)
 }
 
 /// Opens a file as a stream of triangles.
 ///
-/// STL needs no memory beyond a buffer. Binary PLY leaves the vertices in the file, which is mapped into memory and must
+/// Coordinates are in the source's [`frame`](TriangleSource::frame), which is the file's own unless they are doubles or
+/// decimals far from zero. STL needs no memory beyond a buffer. Binary PLY leaves the vertices in the file, which is mapped into memory and must
 /// not be shortened meanwhile; other PLY and OBJ keep the positions in memory; glTF the whole mesh.
 ///
 /// # Errors
@@ -195,20 +219,23 @@ mod dispatch {
         format: Option<Format>,
         name: &str,
         folder: Option<&Path>,
-    ) -> Result<IndexedMesh, Error> {
+        framing: Framing,
+    ) -> Result<(IndexedMesh, Frame), Error> {
         let (mut input, _) = unpack(reader, length, name)?;
         match family(&mut input, format)? {
             #[cfg(feature = "stl")]
-            Family::Stl => crate::stl::read_mesh(input),
+            Family::Stl => crate::stl::read_mesh(input, framing),
             #[cfg(feature = "ply")]
-            Family::Ply => crate::ply::read_mesh(input),
+            Family::Ply => crate::ply::read_mesh(input, framing),
             #[cfg(feature = "obj")]
-            Family::Obj => crate::obj::read_mesh(input),
+            Family::Obj => crate::obj::read_mesh(input, framing),
             #[cfg(feature = "gltf")]
-            Family::Gltf => crate::gltf::read_mesh(input, folder),
+            Family::Gltf => {
+                crate::gltf::read_mesh(input, folder).map(|mesh| (mesh, Frame::default()))
+            }
             #[allow(unreachable_patterns)]
             family => {
-                let _unused_without_gltf = folder;
+                let _unused_without_some = (folder, framing);
                 Err(family.disabled(name))
             }
         }
@@ -222,16 +249,17 @@ mod dispatch {
         path: Option<&Path>,
     ) -> Result<Box<dyn TriangleSource + Send + 'a>, Error> {
         let (mut input, plain) = unpack(reader, length, name)?;
+        let framing = Framing::Local;
         match family(&mut input, format)? {
             #[cfg(feature = "stl")]
-            Family::Stl => Ok(Box::new(crate::stl::StlReader::new(input)?)),
+            Family::Stl => Ok(Box::new(crate::stl::StlReader::new(input, framing)?)),
             #[cfg(feature = "ply")]
             Family::Ply => {
                 use crate::codec::indexed::IndexedSource;
                 use crate::ply::{Origin, PlyReader};
                 let regular = path.filter(|_| length.is_some());
                 let Some(path) = regular else {
-                    let reader = PlyReader::new(input, Origin::default())?;
+                    let reader = PlyReader::new(input, Origin::default(), framing)?;
                     return Ok(Box::new(IndexedSource::new(reader)));
                 };
                 // Boxed, so that a second pass over the file is of the same type as the first.
@@ -247,11 +275,11 @@ mod dispatch {
                     Ok(input.map_reader(|reader| Box::new(reader) as Box<dyn Read + Send>))
                 });
                 let origin = Origin { reopen: Some(reopen), file };
-                Ok(Box::new(IndexedSource::new(PlyReader::new(input, origin)?)))
+                Ok(Box::new(IndexedSource::new(PlyReader::new(input, origin, framing)?)))
             }
             #[cfg(feature = "obj")]
             Family::Obj => {
-                let reader = crate::obj::ObjReader::new(input)?;
+                let reader = crate::obj::ObjReader::new(input, framing)?;
                 Ok(Box::new(crate::codec::indexed::IndexedSource::new(reader)))
             }
             #[cfg(feature = "gltf")]
@@ -262,7 +290,7 @@ mod dispatch {
             }
             #[allow(unreachable_patterns)]
             family => {
-                let _unused_without_ply = (plain, path);
+                let _unused_without_ply = (plain, path, framing);
                 Err(family.disabled(name))
             }
         }
@@ -287,7 +315,8 @@ mod dispatch {
         format: Option<Format>,
         name: &str,
         _folder: Option<&Path>,
-    ) -> Result<IndexedMesh, Error> {
+        _framing: Framing,
+    ) -> Result<(IndexedMesh, Frame), Error> {
         Err(disabled(format, name))
     }
 

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use crate::{Error, Format, IndexedMesh, TriangleSink};
+use crate::{Error, Format, Frame, IndexedMesh, TriangleSink};
 
 /// Writes a whole mesh; the format goes by the extension, and `.gz` or `.zst` after it packs the file.
 ///
@@ -66,8 +66,23 @@ pub fn create_sink_as(
     path: &Path,
     format: Option<Format>,
 ) -> Result<Box<dyn TriangleSink + Send>, Error> {
+    create_sink_in(path, format, Frame::default())
+}
+
+/// [`create_sink_as`] for triangles in a frame: the frame's origin is added in `f64` to what is written, and where the
+/// frame needs it coordinates are written as doubles, if the format has them (see [`Format::holds_doubles`]); otherwise
+/// they are rounded to `f32`.
+///
+/// # Errors
+///
+/// As [`create_sink`].
+pub fn create_sink_in(
+    path: &Path,
+    format: Option<Format>,
+    frame: Frame,
+) -> Result<Box<dyn TriangleSink + Send>, Error> {
     let name = path.display().to_string();
-    dispatch::file_sink(path, &name, named(path, format, &name)?)
+    dispatch::file_sink(path, &name, named(path, format, &name)?, frame)
 }
 
 /// A sink that writes to a pipe.
@@ -82,7 +97,20 @@ pub fn sink_to<'a>(
     writer: impl Write + Send + 'a,
     format: Format,
 ) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
-    dispatch::stream_sink(writer, "output", format)
+    sink_to_in(writer, format, Frame::default())
+}
+
+/// [`sink_to`] for triangles in a frame, as [`create_sink_in`].
+///
+/// # Errors
+///
+/// What the operating system refuses.
+pub fn sink_to_in<'a>(
+    writer: impl Write + Send + 'a,
+    format: Format,
+    frame: Frame,
+) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
+    dispatch::stream_sink(writer, "output", format, frame)
 }
 
 fn named(path: &Path, format: Option<Format>, name: &str) -> Result<Format, Error> {
@@ -163,49 +191,53 @@ mod dispatch {
         path: &Path,
         name: &str,
         format: Format,
+        frame: Frame,
     ) -> Result<Box<dyn TriangleSink + Send>, Error> {
-        sink(Box::new(WholeFile::create(path)?), name, format)
+        sink(Box::new(WholeFile::create(path)?), name, format, frame)
     }
 
     pub(super) fn stream_sink<'a>(
         writer: impl Write + Send + 'a,
         name: &str,
         format: Format,
+        frame: Frame,
     ) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
-        sink(Box::new(Stream(writer)), name, format)
+        sink(Box::new(Stream(writer)), name, format, frame)
     }
 
     fn sink<'a>(
         output: BoxedOutput<'a>,
         name: &str,
         format: Format,
+        frame: Frame,
     ) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
         #[cfg(any(feature = "ply", feature = "obj"))]
         let welder = crate::codec::weld::Welder::with_generation(GENERATION);
         match format {
             #[cfg(feature = "stl")]
-            Format::StlBinary => Ok(Box::new(crate::stl::BinarySink::new(output, name)?)),
+            Format::StlBinary => Ok(Box::new(crate::stl::BinarySink::new(output, name, frame)?)),
             #[cfg(feature = "stl")]
-            Format::StlAscii => Ok(Box::new(crate::stl::AsciiSink::new(output, name)?)),
+            Format::StlAscii => Ok(Box::new(crate::stl::AsciiSink::new(output, name, frame)?)),
             #[cfg(feature = "ply")]
             Format::PlyAscii | Format::PlyBinaryLittle | Format::PlyBinaryBig => {
-                let encoding = ply_encoding(format);
-                Ok(Box::new(crate::ply::PlySink::new(output, name, encoding, welder)?))
+                let rows = crate::ply::Rows { encoding: ply_encoding(format), frame };
+                Ok(Box::new(crate::ply::PlySink::new(output, name, rows, welder)?))
             }
             #[cfg(feature = "obj")]
-            Format::Obj => Ok(Box::new(crate::obj::ObjSink::new(output, name, welder)?)),
+            Format::Obj => Ok(Box::new(crate::obj::ObjSink::new(output, name, frame, welder)?)),
             #[cfg(feature = "gltf")]
             Format::Gltf => {
-                Ok(Box::new(crate::gltf::GltfSink::new(output, name, crate::gltf::Container::Json)))
+                let container = crate::gltf::Container::Json;
+                Ok(Box::new(crate::gltf::GltfSink::new(output, name, frame, container)))
             }
             #[cfg(feature = "gltf")]
             Format::Glb => {
                 let container = crate::gltf::Container::Binary;
-                Ok(Box::new(crate::gltf::GltfSink::new(output, name, container)))
+                Ok(Box::new(crate::gltf::GltfSink::new(output, name, frame, container)))
             }
             #[allow(unreachable_patterns)]
             _ => {
-                drop(output);
+                drop((output, frame));
                 Err(format.family().disabled(name))
             }
         }
@@ -239,6 +271,7 @@ mod dispatch {
         _path: &Path,
         name: &str,
         format: Format,
+        _frame: Frame,
     ) -> Result<Box<dyn TriangleSink + Send>, Error> {
         Err(format.family().disabled(name))
     }
@@ -247,6 +280,7 @@ mod dispatch {
         _writer: impl Write + Send + 'a,
         name: &str,
         format: Format,
+        _frame: Frame,
     ) -> Result<Box<dyn TriangleSink + Send + 'a>, Error> {
         Err(format.family().disabled(name))
     }

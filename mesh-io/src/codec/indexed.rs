@@ -2,23 +2,24 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
-
-use crate::{Error, Triangle, TriangleSource};
+use crate::{Error, Frame, Triangle, TriangleSource};
 
 /// A reader that has the positions at hand while it goes through the faces.
 pub(crate) trait IndexedReader {
     /// Appends about `max` triangles with valid indices (a polygon may add some more); zero means the end.
     fn read_indices(&mut self, out: &mut Vec<[u32; 3]>, max: usize) -> Result<usize, Error>;
 
-    /// The position of a vertex that [`IndexedReader::read_indices`] has named.
-    fn position(&self, vertex: u32) -> Vec3;
+    /// Appends the corners' positions of triangles that [`IndexedReader::read_indices`] has given.
+    fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>);
 
     /// As [`TriangleSource::triangle_count`].
     fn triangle_count(&self) -> Option<u64>;
 
     /// As [`TriangleSource::triangle_hint`].
     fn triangle_hint(&self) -> Option<u64>;
+
+    /// As [`TriangleSource::frame`].
+    fn frame(&self) -> Frame;
 
     /// Called now and then; gives memory back that the system can do without.
     fn relax(&mut self) {}
@@ -49,8 +50,7 @@ impl<I: IndexedReader> IndexedSource<I> {
         }
         let stop = self.next.saturating_add(max).min(self.pending.len());
         let batch = self.next..stop;
-        let triangles = self.pending[batch.clone()].iter();
-        out.extend(triangles.map(|triangle| triangle.map(|v| self.reader.position(v))));
+        self.reader.look_up(&self.pending[batch.clone()], out);
         self.next = stop;
         self.since_relaxed += batch.len();
         if self.since_relaxed >= RELAX_EVERY {
@@ -72,6 +72,10 @@ impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
 
     fn triangle_hint(&self) -> Option<u64> {
         self.reader.triangle_hint()
+    }
+
+    fn frame(&self) -> Frame {
+        self.reader.frame()
     }
 
     fn has_vertex_numbers(&self) -> bool {

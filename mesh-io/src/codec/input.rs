@@ -121,6 +121,15 @@ impl<R: Read> Input<R> {
         self.start = (self.start + count).min(self.end);
     }
 
+    /// Passes over whole lines at hand.
+    pub(crate) fn consume_lines(&mut self, bytes: usize, lines: u64) {
+        if lines > 0 {
+            self.consume(bytes);
+            self.line += lines;
+            self.line_end = LineEnd::Lf;
+        }
+    }
+
     /// Passes over `count` bytes, wherever they are.
     pub(crate) fn skip(&mut self, mut count: u64, missing: impl Display) -> Result<(), Error> {
         while count > 0 {

@@ -7,6 +7,8 @@ pub(crate) mod packing;
 #[cfg(any(feature = "ply", feature = "obj"))]
 pub(crate) mod indexed;
 #[cfg(any(feature = "ply", feature = "obj"))]
+pub(crate) mod plain;
+#[cfg(any(feature = "ply", feature = "obj"))]
 pub(crate) mod polygon;
 #[cfg(any(feature = "stl", feature = "ply", feature = "obj"))]
 pub(crate) mod text;

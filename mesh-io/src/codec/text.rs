@@ -2,7 +2,10 @@
 
 use std::io::{self, Write};
 
-use glam::Vec3;
+use fast_float2::FastFloat;
+use glam::{DVec3, Vec3};
+
+use crate::Frame;
 
 /// What is wrong with a token; the caller knows the line.
 #[derive(Debug, PartialEq)]
@@ -68,16 +71,16 @@ impl<'a> Tokens<'a> {
         self.rest.is_empty()
     }
 
-    /// A decimal number, rounded to the nearest `f32`; infinities and NaN too, in the spellings of C libraries.
+    /// A decimal number, rounded to the nearest; infinities and NaN too, in the spellings of C libraries.
     #[inline]
-    pub(crate) fn real(&mut self) -> Result<f32, Fault> {
+    pub(crate) fn real<T: FastFloat + From<f32>>(&mut self) -> Result<T, Fault> {
         let rest = trim_start(self.rest);
         let digits = match rest {
             [] => return Err(Fault::Missing),
             [b'+', tail @ ..] if !matches!(tail, [b'+' | b'-', ..]) => tail,
             _ => rest,
         };
-        if let Ok((value, length)) = fast_float2::parse_partial::<f32, _>(digits) {
+        if let Ok((value, length)) = fast_float2::parse_partial::<T, _>(digits) {
             match &digits[length..] {
                 [] => {
                     self.rest = &[];
@@ -93,12 +96,22 @@ impl<'a> Tokens<'a> {
         let token = first_token(rest);
         let value = odd_real(token).ok_or_else(|| Fault::bad(rest))?;
         self.rest = &rest[token.len()..];
-        Ok(value)
+        Ok(value.into())
     }
 
+    /// Three numbers as they stand.
+    pub(crate) fn exact_point(&mut self) -> Result<DVec3, Fault> {
+        Ok(DVec3::new(self.real()?, self.real()?, self.real()?))
+    }
+
+    /// Three numbers as a position in this frame.
     #[inline]
-    pub(crate) fn point(&mut self) -> Result<Vec3, Fault> {
-        Ok(Vec3::new(self.real()?, self.real()?, self.real()?))
+    pub(crate) fn point(&mut self, frame: &Frame) -> Result<Vec3, Fault> {
+        if frame.double {
+            self.exact_point().map(|point| frame.from_file(point))
+        } else {
+            Ok(Vec3::new(self.real()?, self.real()?, self.real()?))
+        }
     }
 
     /// An integer that ends at a blank, at the end of the line, or at `stop` (which is left there).
@@ -172,25 +185,45 @@ fn odd_real(token: &[u8]) -> Option<f32> {
     }
 }
 
-/// The shortest decimal that reads back to the same `f32`.
-pub(crate) fn write_real(out: &mut Vec<u8>, value: f32) -> io::Result<()> {
-    let size = value.abs();
-    if value.is_nan() {
+/// The shortest decimal that reads back to the same number.
+fn write_real<T>(out: &mut Vec<u8>, value: T) -> io::Result<()>
+where
+    T: Copy + Into<f64> + std::fmt::Display + std::fmt::LowerExp,
+{
+    let size = value.into().abs();
+    if size.is_nan() {
         out.write_all(b"nan")
-    } else if size == 0.0 || (1e-5..1e9).contains(&size) || !value.is_finite() {
+    } else if size == 0.0 || (f64::from(1e-5f32)..1e9).contains(&size) || size.is_infinite() {
         write!(out, "{value}")
     } else {
         write!(out, "{value:e}")
     }
 }
 
-/// Three numbers with blanks between them.
-pub(crate) fn write_point(out: &mut Vec<u8>, point: Vec3) -> io::Result<()> {
-    write_real(out, point.x)?;
+/// The direction's three numbers with blanks between them.
+#[cfg(feature = "stl")]
+pub(crate) fn write_direction(out: &mut Vec<u8>, direction: Vec3) -> io::Result<()> {
+    write_reals(out, direction.to_array())
+}
+
+/// The numbers of a position in this frame with blanks between them.
+pub(crate) fn write_point(out: &mut Vec<u8>, point: Vec3, frame: &Frame) -> io::Result<()> {
+    if frame.double {
+        write_reals(out, frame.to_file(point).to_array())
+    } else {
+        write_reals(out, point.to_array())
+    }
+}
+
+fn write_reals<T>(out: &mut Vec<u8>, [x, y, z]: [T; 3]) -> io::Result<()>
+where
+    T: Copy + Into<f64> + std::fmt::Display + std::fmt::LowerExp,
+{
+    write_real(out, x)?;
     out.write_all(b" ")?;
-    write_real(out, point.y)?;
+    write_real(out, y)?;
     out.write_all(b" ")?;
-    write_real(out, point.z)
+    write_real(out, z)
 }
 
 #[cfg(test)]
@@ -202,19 +235,19 @@ mod tests {
         let mut tokens =
             Tokens::new(b"  1 -2.5\t+3e-2 .5 6. inf -INF nan -1.#IND 1.#INF -nan(ind)");
         for expected in [1.0, -2.5, 0.03, 0.5, 6.0, f32::INFINITY, f32::NEG_INFINITY] {
-            assert_eq!(tokens.real(), Ok(expected));
+            assert_eq!(tokens.real::<f32>(), Ok(expected));
         }
-        assert!(tokens.real().unwrap().is_nan());
-        assert!(tokens.real().unwrap().is_nan());
-        assert_eq!(tokens.real(), Ok(f32::INFINITY));
-        assert!(tokens.real().unwrap().is_nan());
-        assert_eq!(tokens.real(), Err(Fault::Missing));
+        assert!(tokens.real::<f32>().unwrap().is_nan());
+        assert!(tokens.real::<f32>().unwrap().is_nan());
+        assert_eq!(tokens.real::<f32>(), Ok(f32::INFINITY));
+        assert!(tokens.real::<f32>().unwrap().is_nan());
+        assert_eq!(tokens.real::<f32>(), Err(Fault::Missing));
     }
 
     #[test]
     fn bad_numbers_are_named() {
         for bad in ["1.2.3", "x", "--1", "+-1", "1,5", "-", "+"] {
-            let fault = Tokens::new(format!("{bad} 7").as_bytes()).real();
+            let fault = Tokens::new(format!("{bad} 7").as_bytes()).real::<f32>();
             assert_eq!(fault, Err(Fault::BadNumber(bad.to_owned())));
         }
         for bad in ["1.0", "-", "99999999999999999999", "a"] {
@@ -227,7 +260,7 @@ mod tests {
     fn rounding_is_to_the_nearest_f32_not_by_way_of_f64() {
         // Just above the middle between 1 and the next f32: lost if rounded to f64 first.
         let text = "1.00000005960464477540";
-        assert_eq!(Tokens::new(text.as_bytes()).real(), Ok(1.000_000_1));
+        assert_eq!(Tokens::new(text.as_bytes()).real::<f32>(), Ok(1.000_000_1));
     }
 
     #[test]
@@ -238,13 +271,13 @@ mod tests {
             let value = f32::from_bits(bits);
             let mut text = Vec::new();
             write_real(&mut text, value).unwrap();
-            let back = Tokens::new(&text).real().unwrap();
+            let back = Tokens::new(&text).real::<f32>().unwrap();
             assert!(back.to_bits() == bits || (back.is_nan() && value.is_nan()), "{value:?}");
         }
         for value in [0.0f32, -0.0, f32::MAX, f32::MIN_POSITIVE, 1e-45, 16_777_216.0] {
             let mut text = Vec::new();
             write_real(&mut text, value).unwrap();
-            assert_eq!(Tokens::new(&text).real().unwrap().to_bits(), value.to_bits());
+            assert_eq!(Tokens::new(&text).real::<f32>().unwrap().to_bits(), value.to_bits());
         }
     }
 }

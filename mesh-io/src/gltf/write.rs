@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::malformed;
 use crate::codec::output::{BoxedOutput, Pen};
 use crate::codec::weld::Welder;
-use crate::{Error, IndexedMesh, Triangle, TriangleSink};
+use crate::{Error, Frame, IndexedMesh, Triangle, TriangleSink};
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
@@ -173,15 +173,22 @@ fn describe(
 /// Gathers a stream of triangles, welded, and writes it at the end.
 pub(crate) struct GltfSink<'a> {
     pen: Pen<BoxedOutput<'a>>,
+    frame: Frame,
     mesh: IndexedMesh,
     welder: Welder,
     container: Container,
 }
 
 impl<'a> GltfSink<'a> {
-    pub(crate) fn new(output: BoxedOutput<'a>, name: &str, container: Container) -> Self {
+    pub(crate) fn new(
+        output: BoxedOutput<'a>,
+        name: &str,
+        frame: Frame,
+        container: Container,
+    ) -> Self {
         Self {
             pen: Pen::new(output, name),
+            frame,
             mesh: IndexedMesh::default(),
             welder: Welder::exact(),
             container,
@@ -202,7 +209,7 @@ impl TriangleSink for GltfSink<'_> {
                     });
                 };
                 if new {
-                    self.mesh.positions.push(position);
+                    self.mesh.positions.push(self.frame.to_single(position));
                 }
                 *index = vertex;
             }

@@ -6,9 +6,11 @@ use glam::Vec3;
 
 use crate::codec::indexed::IndexedReader;
 use crate::codec::input::{Input, LineEnd};
+use crate::codec::plain::Plain;
 use crate::codec::polygon::triangulate;
 use crate::codec::text::{Fault, Tokens, is_blank, trim_start};
-use crate::{Error, IndexedMesh, Place};
+use crate::frame::Framing;
+use crate::{Error, Frame, IndexedMesh, Place, Triangle};
 
 const EXPORT_AGAIN: &str = "correct that line or export the mesh again";
 
@@ -50,9 +52,11 @@ pub(crate) struct ObjReader<R> {
 }
 
 /// What was read so far.
-#[derive(Default)]
 struct Model {
     positions: Vec<Vec3>,
+    framing: Framing,
+    /// Chosen with the first position.
+    frame: Frame,
     recognized: bool,
     corners: Vec<i64>,
     polygon: Vec<u32>,
@@ -81,14 +85,52 @@ impl From<Fault> for Problem {
 }
 
 impl<R: Read> ObjReader<R> {
-    pub(crate) fn new(mut input: Input<R>) -> Result<Self, Error> {
+    /// Reads up to and including the first position.
+    pub(crate) fn new(mut input: Input<R>, framing: Framing) -> Result<Self, Error> {
         if input.fill(3)? == 0 {
             return Err(input.empty());
         }
         if input.window().starts_with(b"\xef\xbb\xbf") {
             input.consume(3);
         }
-        Ok(Self { input, model: Model::default(), joined: Vec::new(), ended: false })
+        let model = Model::new(framing);
+        let mut reader = Self { input, model, joined: Vec::new(), ended: false };
+        // Faces before it wait for their vertices.
+        let mut none = Vec::new();
+        while reader.model.positions.is_empty() && reader.take_line(&mut none)? {}
+        Ok(reader)
+    }
+
+    /// Takes one line, or several that belong together; says whether there was one.
+    fn take_line(&mut self, out: &mut Vec<[u32; 3]>) -> Result<bool, Error> {
+        let Some(line) = self.input.next_line()? else { return Ok(false) };
+        let text = self.input.text(line.clone());
+        // A path in a comment may end in a backslash and goes on nowhere.
+        let taken = if text.ends_with(b"\\") && !trim_start(text).starts_with(b"#") {
+            self.join_lines(line)?;
+            self.model.take_line(&self.joined, self.input.line(), out)
+        } else {
+            self.model.take_line(text, self.input.line(), out)
+        };
+        let num_corners = taken.map_err(|problem| self.explain(problem))?;
+        if matches!(num_corners, 1 | 2) && self.input.line_end() == LineEnd::None {
+            return Err(self.input.truncated_line("the face has three corners"));
+        }
+        Ok(true)
+    }
+
+    /// Takes lines as almost all are straight from the window, until there are `max` triangles more or so; says whether
+    /// there was one.
+    fn take_plain_lines(&mut self, out: &mut Vec<[u32; 3]>, max: usize) -> bool {
+        let limit = out.len().saturating_add(max);
+        let mut text = Plain::new(self.input.window());
+        let (mut lines, mut taken) = (0, 0);
+        while out.len() < limit && self.model.take_plain_line(&mut text, out).is_some() {
+            lines += 1;
+            taken = text.at();
+        }
+        self.input.consume_lines(taken, lines);
+        lines > 0
     }
 
     /// Adds following lines to `self.joined` for as long as they end in a backslash.
@@ -164,6 +206,50 @@ impl<R: Read> ObjReader<R> {
 }
 
 impl Model {
+    fn new(framing: Framing) -> Self {
+        Self {
+            positions: Vec::new(),
+            framing,
+            frame: Frame::default(),
+            recognized: false,
+            corners: Vec::new(),
+            polygon: Vec::new(),
+            later: Later::default(),
+        }
+    }
+
+    /// Takes one line if it is a position after the first, or one that does not matter, or a face of known vertices;
+    /// changes nothing otherwise.
+    #[inline]
+    fn take_plain_line(&mut self, text: &mut Plain<'_>, out: &mut Vec<[u32; 3]>) -> Option<()> {
+        let count = self.positions.len();
+        if text.skip(b"v ").is_some() {
+            if count == 0 || count >= u32::MAX as usize {
+                return None;
+            }
+            let position = text.point(&self.frame)?;
+            plain_rest(text)?;
+            self.positions.push(position);
+        } else if text.skip(b"f ").is_some() {
+            self.polygon.clear();
+            while text.line_end().is_none() {
+                let corner = text.integer_before_slash()?.checked_sub(1)?;
+                if corner >= count as u64 {
+                    return None;
+                }
+                self.polygon.push(corner as u32);
+            }
+            let positions = &self.positions;
+            triangulate(&self.polygon, |v| positions[v as usize], out);
+        } else if text.skip(b"vn ").is_some() || text.skip(b"vt ").is_some() {
+            plain_rest(text)?;
+        } else {
+            return None;
+        }
+        self.recognized = true;
+        Some(())
+    }
+
     /// Takes one line and gives the number of a face's corners, zero for any other line.
     #[inline]
     fn take_line(
@@ -174,7 +260,11 @@ impl Model {
     ) -> Result<usize, Problem> {
         match trim_start(text) {
             [b'v', next, rest @ ..] if is_blank(*next) => {
-                let position = Tokens::new(rest).point()?;
+                let mut tokens = Tokens::new(rest);
+                if self.positions.is_empty() {
+                    self.frame = self.framing.choose(tokens.clone().exact_point()?);
+                }
+                let position = tokens.point(&self.frame)?;
                 if self.positions.len() >= u32::MAX as usize {
                     return Err(Problem::TooManyVertices);
                 }
@@ -256,29 +346,16 @@ impl<R: Read> IndexedReader for ObjReader<R> {
     fn read_indices(&mut self, out: &mut Vec<[u32; 3]>, max: usize) -> Result<usize, Error> {
         let before = out.len();
         while out.len() - before < max && !self.ended {
-            let Some(line) = self.input.next_line()? else {
+            if !self.take_plain_lines(out, max - (out.len() - before)) && !self.take_line(out)? {
                 self.end(out)?;
-                break;
-            };
-            let text = self.input.text(line.clone());
-            // A path in a comment may end in a backslash and goes on nowhere.
-            let taken = if text.ends_with(b"\\") && !trim_start(text).starts_with(b"#") {
-                self.join_lines(line)?;
-                self.model.take_line(&self.joined, self.input.line(), out)
-            } else {
-                self.model.take_line(text, self.input.line(), out)
-            };
-            let num_corners = taken.map_err(|problem| self.explain(problem))?;
-            if matches!(num_corners, 1 | 2) && self.input.line_end() == LineEnd::None {
-                return Err(self.input.truncated_line("the face has three corners"));
             }
         }
         Ok(out.len() - before)
     }
 
-    #[inline]
-    fn position(&self, vertex: u32) -> Vec3 {
-        self.model.positions[vertex as usize]
+    fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>) {
+        let position = |v: u32| self.model.positions[v as usize];
+        out.extend(triangles.iter().map(|&[a, b, c]| [position(a), position(b), position(c)]));
     }
 
     fn triangle_count(&self) -> Option<u64> {
@@ -288,12 +365,27 @@ impl<R: Read> IndexedReader for ObjReader<R> {
     fn triangle_hint(&self) -> Option<u64> {
         None
     }
+
+    fn frame(&self) -> Frame {
+        self.model.frame
+    }
+}
+
+/// The rest of a line that does not go on in the next one.
+#[inline]
+fn plain_rest(text: &mut Plain<'_>) -> Option<()> {
+    let rest = text.rest_of_line()?;
+    (rest.last() != Some(&b'\\')).then_some(())
 }
 
 /// The whole mesh.
-pub(crate) fn read_mesh<R: Read>(input: Input<R>) -> Result<IndexedMesh, Error> {
-    let mut reader = ObjReader::new(input)?;
+pub(crate) fn read_mesh<R: Read>(
+    input: Input<R>,
+    framing: Framing,
+) -> Result<(IndexedMesh, Frame), Error> {
+    let mut reader = ObjReader::new(input, framing)?;
     let mut triangles = Vec::new();
     while reader.read_indices(&mut triangles, 1 << 16)? > 0 {}
-    Ok(IndexedMesh { positions: reader.model.positions, triangles })
+    let Model { positions, frame, .. } = reader.model;
+    Ok((IndexedMesh { positions, triangles }, frame))
 }

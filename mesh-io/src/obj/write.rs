@@ -7,13 +7,13 @@ use glam::Vec3;
 use crate::codec::output::{BoxedOutput, Pen};
 use crate::codec::text::write_point;
 use crate::codec::weld::Welder;
-use crate::{Error, IndexedMesh, Triangle, TriangleSink};
+use crate::{Error, Frame, IndexedMesh, Triangle, TriangleSink};
 
 const TITLE: &[u8] = b"# written by mesh-io\n";
 
-fn put_vertex(out: &mut Vec<u8>, position: Vec3) -> io::Result<()> {
+fn put_vertex(out: &mut Vec<u8>, position: Vec3, frame: &Frame) -> io::Result<()> {
     out.extend_from_slice(b"v ");
-    write_point(out, position)?;
+    write_point(out, position, frame)?;
     out.push(b'\n');
     Ok(())
 }
@@ -27,7 +27,7 @@ fn put_face(out: &mut Vec<u8>, triangle: [u32; 3]) -> io::Result<()> {
 pub(crate) fn write_mesh<W: Write>(pen: &mut Pen<W>, mesh: &IndexedMesh) -> Result<(), Error> {
     pen.bytes(TITLE)?;
     for &position in &mesh.positions {
-        pen.put(|out| put_vertex(out, position))?;
+        pen.put(|out| put_vertex(out, position, &Frame::default()))?;
     }
     for &triangle in &mesh.triangles {
         pen.put(|out| put_face(out, triangle))?;
@@ -38,14 +38,20 @@ pub(crate) fn write_mesh<W: Write>(pen: &mut Pen<W>, mesh: &IndexedMesh) -> Resu
 /// A stream of triangles, welded; each vertex stands before the first face that uses it.
 pub(crate) struct ObjSink<'a> {
     pen: Pen<BoxedOutput<'a>>,
+    frame: Frame,
     welder: Welder,
 }
 
 impl<'a> ObjSink<'a> {
-    pub(crate) fn new(output: BoxedOutput<'a>, name: &str, welder: Welder) -> Result<Self, Error> {
+    pub(crate) fn new(
+        output: BoxedOutput<'a>,
+        name: &str,
+        frame: Frame,
+        welder: Welder,
+    ) -> Result<Self, Error> {
         let mut pen = Pen::new(output, name);
         pen.bytes(TITLE)?;
-        Ok(Self { pen, welder })
+        Ok(Self { pen, frame, welder })
     }
 }
 
@@ -62,7 +68,7 @@ impl TriangleSink for ObjSink<'_> {
                     });
                 };
                 if new {
-                    self.pen.put(|out| put_vertex(out, position))?;
+                    self.pen.put(|out| put_vertex(out, position, &self.frame))?;
                 }
                 *index = vertex;
             }

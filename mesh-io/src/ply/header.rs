@@ -73,20 +73,25 @@ impl Scalar {
         }
     }
 
-    /// As [`Scalar::integer`], rounded to the nearest `f32`.
+    /// As [`Scalar::integer`]; every type's values are exact in `f64`.
     #[inline]
-    pub(super) fn real(self, bytes: &[u8], big: bool) -> f32 {
+    pub(super) fn real(self, bytes: &[u8], big: bool) -> f64 {
         match self {
-            Self::F32 => f32::from_le_bytes(head(bytes, big)),
-            Self::F64 => f64::from_le_bytes(head(bytes, big)) as f32,
-            _ => self.integer(bytes, big) as f32,
+            Self::F32 => f32::from_le_bytes(head(bytes, big)).into(),
+            Self::F64 => f64::from_le_bytes(head(bytes, big)),
+            _ => self.integer(bytes, big) as f64,
         }
+    }
+
+    /// Whether it has values that `f32` has not.
+    pub(super) fn exceeds_single(self) -> bool {
+        matches!(self, Self::F64 | Self::I32 | Self::U32)
     }
 }
 
 /// The first `N` bytes in little-endian order.
 #[inline]
-fn head<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
+pub(super) fn head<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
     let mut head = bytes.first_chunk().copied().unwrap_or([0; N]);
     if big {
         head.reverse();

@@ -1,5 +1,6 @@
 //! PLY as text and in both byte orders.
 
+mod ascii;
 mod header;
 mod positions;
 mod read;
@@ -7,4 +8,4 @@ mod rows;
 mod write;
 
 pub(crate) use read::{Origin, PlyReader, read_mesh};
-pub(crate) use write::{Encoding, PlySink, write_mesh};
+pub(crate) use write::{Encoding, PlySink, Rows, write_mesh};

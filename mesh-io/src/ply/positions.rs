@@ -3,16 +3,20 @@
 use std::fs::File;
 use std::io;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use memmap2::Mmap;
 
 use super::header::{Element, Kind, Scalar};
+use crate::frame::Framing;
+use crate::{Frame, Triangle};
 
 /// Where the coordinates are in a row of fixed size.
 #[derive(Clone, Copy)]
 pub(super) struct Layout {
     pub(super) stride: usize,
     axes: [(usize, Scalar); 3],
+    /// Where x, y and z lie side by side in single precision, which almost all files have.
+    singles: Option<usize>,
     big: bool,
 }
 
@@ -27,19 +31,46 @@ impl Layout {
             offsets.push((offset, scalar));
             offset += scalar.size();
         }
-        Some(Self { stride, axes: axes.map(|axis| offsets[axis]), big })
+        let axes = axes.map(|axis| offsets[axis]);
+        let first = axes[0].0;
+        let expected = [0, 4, 8].map(|offset| (first + offset, Scalar::F32));
+        let singles = (axes == expected).then_some(first);
+        Some(Self { stride, axes, singles, big })
     }
 
-    /// The position in a row of at least `stride` bytes.
-    #[inline]
-    pub(super) fn position(&self, row: &[u8]) -> Vec3 {
-        let [x, y, z] =
-            self.axes.map(|(offset, scalar)| match row.get(offset..offset + scalar.size()) {
-                Some(bytes) => scalar.real(bytes, self.big),
-                None => f32::NAN,
-            });
-        Vec3::new(x, y, z)
+    /// The frame to hand positions out in, by the first row.
+    pub(super) fn frame(&self, first_row: &[u8], framing: Framing) -> Frame {
+        // Axes of a type that fits in single precision stay where they are.
+        let wide = self.axes.map(|(_, scalar)| f64::from(u8::from(scalar.exceeds_single())));
+        framing.choose(self.exact(first_row) * DVec3::from_array(wide))
     }
+
+    fn exact(&self, row: &[u8]) -> DVec3 {
+        DVec3::from_array(self.axes.map(|(offset, scalar)| match row.get(offset..) {
+            Some(bytes) if bytes.len() >= scalar.size() => scalar.real(bytes, self.big),
+            _ => f64::NAN,
+        }))
+    }
+
+    /// The position in a row of at least `stride` bytes, in this frame.
+    #[inline]
+    pub(super) fn position(&self, row: &[u8], frame: &Frame) -> Vec3 {
+        match self.singles.and_then(|first| single(row.get(first..)?, self.big)) {
+            Some(position) => position,
+            None => frame.from_file(self.exact(row)),
+        }
+    }
+}
+
+/// A position in single precision at the start of `bytes`.
+#[inline]
+fn single(bytes: &[u8], big: bool) -> Option<Vec3> {
+    let [x, y, z] = bytes.first_chunk::<12>()?.as_chunks().0 else { return None };
+    let real = |&bytes: &[u8; 4]| match big {
+        true => f32::from_be_bytes(bytes),
+        false => f32::from_le_bytes(bytes),
+    };
+    Some(Vec3::new(real(x), real(y), real(z)))
 }
 
 /// Positions by vertex.
@@ -57,6 +88,17 @@ impl Positions {
         }
     }
 
+    /// Appends the positions of the triangles' corners.
+    pub(super) fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>) {
+        match self {
+            Self::Memory(positions) => {
+                let position = |v: u32| positions.get(v as usize).copied().unwrap_or(Vec3::NAN);
+                extend(out, triangles, position);
+            }
+            Self::Mapped(mapped) => mapped.look_up(triangles, out),
+        }
+    }
+
     pub(super) fn len(&self) -> u64 {
         match self {
             Self::Memory(positions) => positions.len() as u64,
@@ -65,12 +107,18 @@ impl Positions {
     }
 }
 
+#[inline]
+fn extend(out: &mut Vec<Triangle>, triangles: &[[u32; 3]], position: impl Fn(u32) -> Vec3) {
+    out.extend(triangles.iter().map(|&[a, b, c]| [position(a), position(b), position(c)]));
+}
+
 /// Positions read from the mapped file each time, which takes no memory that the system could not take back.
 pub(super) struct MappedPositions {
     map: Mmap,
     start: usize,
     count: u64,
     layout: Layout,
+    pub(super) frame: Frame,
 }
 
 impl MappedPositions {
@@ -80,6 +128,7 @@ impl MappedPositions {
         start: u64,
         count: u64,
         layout: Layout,
+        framing: Framing,
     ) -> io::Result<Option<Self>> {
         // SAFETY: the map is only read, byte by byte, and any bytes are valid positions. What remains is that another
         // process shortens the file meanwhile, which ends this one with a bus error, as with every mapped file.
@@ -88,18 +137,34 @@ impl MappedPositions {
         let end =
             count.checked_mul(layout.stride as u64).and_then(|bytes| bytes.checked_add(start));
         let fits = end.is_some_and(|end| end <= map.len() as u64);
-        match usize::try_from(start) {
-            Ok(start) if fits => Ok(Some(Self { map, start, count, layout })),
-            _ => Ok(None),
-        }
+        let Some(start) = usize::try_from(start).ok().filter(|_| fits) else { return Ok(None) };
+        let frame = match map.get(start..start + layout.stride) {
+            Some(row) if count > 0 => layout.frame(row, framing),
+            _ => Frame::default(),
+        };
+        Ok(Some(Self { map, start, count, layout, frame }))
     }
 
     #[inline]
     fn get(&self, vertex: u32) -> Vec3 {
         let start = self.start + vertex as usize * self.layout.stride;
         match self.map.get(start..start + self.layout.stride) {
-            Some(row) => self.layout.position(row),
+            Some(row) => self.layout.position(row, &self.frame),
             None => Vec3::NAN,
+        }
+    }
+
+    fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>) {
+        let Layout { stride, singles, big, .. } = self.layout;
+        // One loop for each of the common layouts, without a question in it.
+        let single = |v: u32, first: usize, big: bool| {
+            let start = self.start + v as usize * stride + first;
+            self.map.get(start..).and_then(|bytes| single(bytes, big)).unwrap_or(Vec3::NAN)
+        };
+        match (singles, big) {
+            (Some(first), false) => extend(out, triangles, |v| single(v, first, false)),
+            (Some(first), true) => extend(out, triangles, |v| single(v, first, true)),
+            (None, _) => extend(out, triangles, |v| self.get(v)),
         }
     }
 

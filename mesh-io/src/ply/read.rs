@@ -3,19 +3,18 @@
 use std::fs::File;
 use std::io::Read;
 
-use glam::Vec3;
-
+use super::ascii::{ascii_list, ascii_vertices, row_fault, row_line, take_plain_triangles};
 use super::header::{Coding, Element, Header, Kind, Property, Role};
 use super::positions::{Layout, MappedPositions, Positions};
 use super::rows::{
-    MissingRows, Strip, TriangleRow, ascii_list, ascii_vertices, binary_vertices, list_length,
-    ragged_vertices, row_fault, row_line, skip_properties,
+    MissingRows, Strip, TriangleRow, binary_vertices, list_length, ragged_vertices, skip_properties,
 };
 use crate::codec::indexed::IndexedReader;
 use crate::codec::input::Input;
 use crate::codec::polygon::triangulate;
 use crate::codec::text::Tokens;
-use crate::{Error, IndexedMesh, Place};
+use crate::frame::Framing;
+use crate::{Error, Frame, IndexedMesh, Place, Triangle};
 
 /// Opens the same stream once more from its start.
 pub(crate) type Reopen<R> = Box<dyn FnOnce() -> Result<Input<R>, Error> + Send>;
@@ -50,6 +49,7 @@ pub(crate) struct PlyReader<R> {
     at: usize,
     row: u64,
     positions: Positions,
+    frame: Frame,
     stash: Stash,
     corners: Vec<i64>,
     polygon: Vec<u32>,
@@ -59,7 +59,11 @@ pub(crate) struct PlyReader<R> {
 
 impl<R: Read> PlyReader<R> {
     /// Reads up to and including the vertices.
-    pub(crate) fn new(mut input: Input<R>, origin: Origin<R>) -> Result<Self, Error> {
+    pub(crate) fn new(
+        mut input: Input<R>,
+        origin: Origin<R>,
+        framing: Framing,
+    ) -> Result<Self, Error> {
         let header = Header::read(&mut input)?;
         check_size(&input, &header)?;
         let mut reader = Self {
@@ -68,17 +72,18 @@ impl<R: Read> PlyReader<R> {
             at: 0,
             row: 0,
             positions: Positions::Memory(Vec::new()),
+            frame: Frame::default(),
             stash: Stash::default(),
             corners: Vec::new(),
             polygon: Vec::new(),
             strip: Strip::default(),
             exact_count: None,
         };
-        reader.reach_faces(origin)?;
+        reader.reach_faces(origin, framing)?;
         Ok(reader)
     }
 
-    fn reach_faces(&mut self, origin: Origin<R>) -> Result<(), Error> {
+    fn reach_faces(&mut self, origin: Origin<R>, framing: Framing) -> Result<(), Error> {
         let is_vertices = |element: &Element| matches!(element.role, Role::Vertices(_));
         let Some(vertices) = self.header.elements.iter().position(is_vertices) else {
             return Ok(());
@@ -92,7 +97,7 @@ impl<R: Read> PlyReader<R> {
                 _ => self.skip_element()?,
             }
         }
-        self.load_vertices(origin.file)?;
+        self.load_vertices(origin.file, framing)?;
         if let Some(reopen) = origin.reopen
             && two_passes
         {
@@ -171,7 +176,7 @@ impl<R: Read> PlyReader<R> {
         Ok(())
     }
 
-    fn load_vertices(&mut self, file: Option<File>) -> Result<(), Error> {
+    fn load_vertices(&mut self, file: Option<File>, framing: Framing) -> Result<(), Error> {
         let Some(element) = self.header.elements.get(self.at) else { return Ok(()) };
         let Role::Vertices(axes) = element.role else { return Ok(()) };
         if element.count > u64::from(u32::MAX) {
@@ -183,31 +188,26 @@ impl<R: Read> PlyReader<R> {
         }
         let big = self.big();
         let layout = Layout::new(element, axes, big).filter(|layout| layout.stride > 0);
-        let positions = match (self.header.coding, layout) {
-            (Coding::Ascii, _) => {
-                Positions::Memory(ascii_vertices(&mut self.input, element, axes)?)
-            }
+        let (positions, frame) = match (self.header.coding, layout) {
+            (Coding::Ascii, _) => ascii_vertices(&mut self.input, element, axes, framing)?,
             (_, Some(layout)) => {
+                let start = self.input.offset();
                 let mapped = match &file {
-                    Some(file) => {
-                        let start = self.input.offset();
-                        MappedPositions::new(file, start, element.count, layout)
-                            .map_err(|error| Error::io(self.input.name(), "map", error))?
-                    }
+                    Some(file) => MappedPositions::new(file, start, element.count, layout, framing)
+                        .map_err(|error| Error::io(self.input.name(), "map", error))?,
                     None => None,
                 };
-                match mapped {
-                    Some(mapped) => {
-                        self.skip_element()?;
-                        self.positions = Positions::Mapped(mapped);
-                        return Ok(());
-                    }
-                    None => Positions::Memory(binary_vertices(&mut self.input, element, layout)?),
+                if let Some(mapped) = mapped {
+                    self.frame = mapped.frame;
+                    self.positions = Positions::Mapped(mapped);
+                    return self.skip_element();
                 }
+                binary_vertices(&mut self.input, element, layout, framing)?
             }
-            (_, None) => Positions::Memory(ragged_vertices(&mut self.input, element, axes, big)?),
+            (_, None) => ragged_vertices(&mut self.input, element, axes, big, framing)?,
         };
-        self.positions = positions;
+        self.positions = Positions::Memory(positions);
+        self.frame = frame;
         self.next_element();
         Ok(())
     }
@@ -295,25 +295,21 @@ impl<R: Read> PlyReader<R> {
         let Role::Faces(list) = element.role else { return Ok(()) };
         let count = self.positions.len();
         let most = usize::try_from(element.count - self.row).unwrap_or(usize::MAX).min(max);
-        if self.header.coding == Coding::Ascii || most == 0 {
-            return Ok(());
-        }
-        let Some(shape) = TriangleRow::new(element, list) else { return Ok(()) };
-        let big = self.header.coding == Coding::Big;
-        self.input.fill(shape.bytes)?;
-        let mut done = 0;
-        for row in self.input.window().chunks_exact(shape.bytes).take(most) {
-            let Some(corners) = shape.corners(row, big) else { break };
-            for corner in corners {
-                if corner < 0 || corner as u64 >= count {
-                    let place = Place::Byte(self.input.offset() + (done * shape.bytes) as u64);
-                    return Err(self.input.out_of_range(place, corner, count));
-                }
+        let done = match self.header.coding {
+            Coding::Ascii if list == 0 => take_plain_triangles(&mut self.input, count, most, out),
+            Coding::Ascii => 0,
+            _ => {
+                let big = self.header.coding == Coding::Big;
+                let Some(shape) = TriangleRow::new(element, list, big) else { return Ok(()) };
+                self.input.fill(shape.bytes)?;
+                let rows = self.input.window().chunks_exact(shape.bytes);
+                let fits = rows.len().min(most) * shape.bytes;
+                let rows = self.input.window()[..fits].chunks_exact(shape.bytes);
+                let done = shape.take(rows, count, out);
+                self.input.consume(done * shape.bytes);
+                done
             }
-            out.push(corners.map(|corner| corner as u32));
-            done += 1;
-        }
-        self.input.consume(done * shape.bytes);
+        };
         self.row += done as u64;
         Ok(())
     }
@@ -399,9 +395,8 @@ impl<R: Read> IndexedReader for PlyReader<R> {
         Ok(out.len() - before)
     }
 
-    #[inline]
-    fn position(&self, vertex: u32) -> Vec3 {
-        self.positions.get(vertex)
+    fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>) {
+        self.positions.look_up(triangles, out);
     }
 
     fn triangle_count(&self) -> Option<u64> {
@@ -414,6 +409,10 @@ impl<R: Read> IndexedReader for PlyReader<R> {
         Some(faces.fold(0, u64::saturating_add)).filter(|&count| count > 0)
     }
 
+    fn frame(&self) -> Frame {
+        self.frame
+    }
+
     fn relax(&mut self) {
         if let Positions::Mapped(mapped) = &self.positions {
             mapped.relax();
@@ -422,8 +421,11 @@ impl<R: Read> IndexedReader for PlyReader<R> {
 }
 
 /// The whole mesh.
-pub(crate) fn read_mesh<R: Read>(input: Input<R>) -> Result<IndexedMesh, Error> {
-    let mut reader = PlyReader::new(input, Origin::default())?;
+pub(crate) fn read_mesh<R: Read>(
+    input: Input<R>,
+    framing: Framing,
+) -> Result<(IndexedMesh, Frame), Error> {
+    let mut reader = PlyReader::new(input, Origin::default(), framing)?;
     let count = reader.triangle_hint().unwrap_or(0);
     let item = if reader.header.coding == Coding::Ascii { 8 } else { 4 };
     let mut triangles = Vec::with_capacity(reader.input.plausible(count, item));
@@ -432,7 +434,7 @@ pub(crate) fn read_mesh<R: Read>(input: Input<R>) -> Result<IndexedMesh, Error> 
         Positions::Memory(positions) => positions,
         Positions::Mapped(_) => Vec::new(),
     };
-    Ok(IndexedMesh { positions, triangles })
+    Ok((IndexedMesh { positions, triangles }, reader.frame))
 }
 
 /// A file too short for its own header is refused before anything is read from it.

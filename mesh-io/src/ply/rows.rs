@@ -1,17 +1,17 @@
-//! The rows of a PLY file: as text or in binary, wanted or passed over.
+//! The rows of a PLY file in binary, wanted or passed over.
 
 use std::fmt;
 use std::io::Read;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-use super::header::{Coding, Element, Kind, Property, Scalar};
+use super::header::{Coding, Element, Kind, Property, Scalar, head};
 use super::positions::Layout;
-use crate::codec::input::{Input, LineEnd};
-use crate::codec::text::{Fault, Tokens};
-use crate::{Error, Place};
+use crate::codec::input::Input;
+use crate::frame::Framing;
+use crate::{Error, Frame, Place};
 
-const EXPORT_AGAIN: &str = "correct that place or export the mesh again";
+pub(super) const EXPORT_AGAIN: &str = "correct that place or export the mesh again";
 
 /// What a file lacks that ends within an element.
 #[derive(Clone, Copy)]
@@ -23,111 +23,15 @@ impl fmt::Display for MissingRows<'_> {
     }
 }
 
-/// The next line that is not blank.
-#[inline]
-pub(super) fn row_line<R: Read>(
-    input: &mut Input<R>,
-    missing: MissingRows<'_>,
-) -> Result<std::ops::Range<usize>, Error> {
-    loop {
-        let Some(line) = input.next_line()? else { return Err(input.truncated_line(missing)) };
-        if !Tokens::new(input.text(line.clone())).is_at_end() {
-            return Ok(line);
-        }
-    }
-}
-
-pub(super) fn row_fault<R: Read>(input: &Input<R>, fault: Fault, element: &Element) -> Error {
-    let name = element.name();
-    match fault {
-        Fault::Missing if input.line_end() == LineEnd::None => {
-            input.truncated_line(format!("the row of `{name}` is complete"))
-        }
-        Fault::Missing => input.malformed_line(
-            format!("a row of `{name}` with too few values"),
-            "put each row on one line of its own",
-        ),
-        Fault::BadNumber(token) => {
-            input.malformed_line(format!("`{token}` is not a number that fits here"), EXPORT_AGAIN)
-        }
-    }
-}
-
-/// Reads the list at place `list`; what comes after it in the row does not matter.
-#[inline]
-pub(super) fn ascii_list(
-    tokens: &mut Tokens<'_>,
-    properties: &[Property],
-    list: usize,
-    out: &mut Vec<i64>,
-) -> Result<(), Fault> {
-    for property in properties.iter().take(list) {
-        ascii_skip(tokens, property)?;
-    }
-    let count = ascii_length(tokens)?;
-    for _ in 0..count {
-        out.push(tokens.integer()?);
-    }
-    Ok(())
-}
-
-pub(super) fn ascii_length(tokens: &mut Tokens<'_>) -> Result<i64, Fault> {
-    let count = tokens.integer()?;
-    if count < 0 { Err(Fault::BadNumber(count.to_string())) } else { Ok(count) }
-}
-
-pub(super) fn ascii_skip(tokens: &mut Tokens<'_>, property: &Property) -> Result<(), Fault> {
-    let count = match property.kind {
-        Kind::One(_) => 1,
-        Kind::List { .. } => ascii_length(tokens)?,
-    };
-    (0..count).try_for_each(|_| tokens.skip_word())
-}
-
-pub(super) fn ascii_vertices<R: Read>(
-    input: &mut Input<R>,
-    element: &Element,
-    axes: [usize; 3],
-) -> Result<Vec<Vec3>, Error> {
-    let mut positions = Vec::with_capacity(input.plausible(element.count, 6));
-    let plain = axes == [0, 1, 2];
-    let last = axes.into_iter().max().unwrap_or(0);
-    let missing = MissingRows(element);
-    for _ in 0..element.count {
-        let line = row_line(input, missing)?;
-        let mut tokens = Tokens::new(input.text(line));
-        let position = if plain {
-            tokens.point()
-        } else {
-            scattered_point(&mut tokens, &element.properties[..=last], axes)
-        };
-        positions.push(position.map_err(|fault| row_fault(input, fault, element))?);
-    }
-    Ok(positions)
-}
-
-pub(super) fn scattered_point(
-    tokens: &mut Tokens<'_>,
-    properties: &[Property],
-    axes: [usize; 3],
-) -> Result<Vec3, Fault> {
-    let mut position = Vec3::ZERO;
-    for (place, property) in properties.iter().enumerate() {
-        match axes.iter().position(|&axis| axis == place) {
-            Some(axis) => position[axis] = tokens.real()?,
-            None => ascii_skip(tokens, property)?,
-        }
-    }
-    Ok(position)
-}
-
 pub(super) fn binary_vertices<R: Read>(
     input: &mut Input<R>,
     element: &Element,
     layout: Layout,
-) -> Result<Vec<Vec3>, Error> {
+    framing: Framing,
+) -> Result<(Vec<Vec3>, Frame), Error> {
     let stride = layout.stride;
     let mut positions = Vec::with_capacity(input.plausible(element.count, stride as u64));
+    let mut chosen = None;
     let mut left = element.count;
     while left > 0 {
         if input.fill(stride)? < stride {
@@ -136,11 +40,12 @@ pub(super) fn binary_vertices<R: Read>(
         let most = usize::try_from(left).unwrap_or(usize::MAX);
         let rows = input.window().chunks_exact(stride).take(most);
         let count = rows.len();
-        positions.extend(rows.map(|row| layout.position(row)));
+        let frame = *chosen.get_or_insert_with(|| layout.frame(input.window(), framing));
+        positions.extend(rows.map(|row| layout.position(row, &frame)));
         input.consume(count * stride);
         left -= count as u64;
     }
-    Ok(positions)
+    Ok((positions, chosen.unwrap_or_default()))
 }
 
 /// Vertices with a list among their properties, so that rows vary in size.
@@ -149,12 +54,15 @@ pub(super) fn ragged_vertices<R: Read>(
     element: &Element,
     axes: [usize; 3],
     big: bool,
-) -> Result<Vec<Vec3>, Error> {
+    framing: Framing,
+) -> Result<(Vec<Vec3>, Frame), Error> {
     let row_bytes = element.min_row_bytes(Coding::Little);
     let mut positions = Vec::with_capacity(input.plausible(element.count, row_bytes));
+    let mut chosen = None;
     for _ in 0..element.count {
         let missing = MissingRows(element);
-        let mut position = Vec3::ZERO;
+        // What decides about the frame: coordinates of types that exceed single precision.
+        let (mut position, mut wide) = (DVec3::ZERO, DVec3::ZERO);
         for (place, property) in element.properties.iter().enumerate() {
             match (axes.iter().position(|&axis| axis == place), property.kind) {
                 (Some(axis), Kind::One(scalar)) => {
@@ -162,14 +70,18 @@ pub(super) fn ragged_vertices<R: Read>(
                         return Err(input.truncated(missing));
                     }
                     position[axis] = scalar.real(input.window(), big);
+                    if scalar.exceeds_single() {
+                        wide[axis] = position[axis];
+                    }
                     input.consume(scalar.size());
                 }
                 _ => skip_properties(input, std::slice::from_ref(property), big, missing)?,
             }
         }
-        positions.push(position);
+        let frame = chosen.get_or_insert_with(|| framing.choose(wide));
+        positions.push(frame.from_file(position));
     }
-    Ok(positions)
+    Ok((positions, chosen.unwrap_or_default()))
 }
 
 pub(super) fn list_length<R: Read>(
@@ -212,11 +124,12 @@ pub(super) struct TriangleRow {
     before: usize,
     length: Scalar,
     item: Scalar,
+    big: bool,
 }
 
 impl TriangleRow {
     /// `None` if other lists make rows vary in size.
-    pub(super) fn new(element: &Element, list: usize) -> Option<Self> {
+    pub(super) fn new(element: &Element, list: usize, big: bool) -> Option<Self> {
         let Kind::List { length, item } = element.properties.get(list)?.kind else { return None };
         let (mut before, mut bytes) = (0, length.size() + 3 * item.size());
         for (place, property) in element.properties.iter().enumerate().filter(|&(p, _)| p != list) {
@@ -224,22 +137,57 @@ impl TriangleRow {
             bytes += scalar.size();
             before += if place < list { scalar.size() } else { 0 };
         }
-        Some(Self { bytes, before, length, item })
+        Some(Self { bytes, before, length, item, big })
+    }
+
+    /// Appends the corners of rows whose list has three, all below `num_vertices`; returns how many rows there were
+    /// before the first other one.
+    pub(super) fn take(
+        &self,
+        rows: std::slice::ChunksExact<'_, u8>,
+        num_vertices: u64,
+        out: &mut Vec<[u32; 3]>,
+    ) -> usize {
+        let limit = i64::try_from(num_vertices).unwrap_or(i64::MAX);
+        let before = out.len();
+        let is_plain = self.before == 0
+            && self.length.size() == 1
+            && matches!(self.item, Scalar::I32 | Scalar::U32);
+        for row in rows {
+            let corners = match row {
+                [3, list @ ..] if is_plain => match list.as_chunks::<4>().0 {
+                    // Negative ones become too large.
+                    [a, b, c, ..] => {
+                        [a, b, c].map(|v| u32::from_le_bytes(head(v, self.big)).into())
+                    }
+                    _ => break,
+                },
+                _ => match self.corners(row) {
+                    Some(corners) => corners,
+                    None => break,
+                },
+            };
+            if corners.iter().any(|&corner| corner < 0 || corner >= limit) {
+                break;
+            }
+            out.push(corners.map(|corner| corner as u32));
+        }
+        out.len() - before
     }
 
     /// The corners if the row's list has three.
     #[inline]
-    pub(super) fn corners(&self, row: &[u8], big: bool) -> Option<[i64; 3]> {
+    fn corners(&self, row: &[u8]) -> Option<[i64; 3]> {
         let list = row.get(self.before..)?;
-        if self.length.integer(list, big) != 3 {
+        if self.length.integer(list, self.big) != 3 {
             return None;
         }
         let items = list.get(self.length.size()..)?;
         let size = self.item.size();
         Some([
-            self.item.integer(items, big),
-            self.item.integer(items.get(size..)?, big),
-            self.item.integer(items.get(2 * size..)?, big),
+            self.item.integer(items, self.big),
+            self.item.integer(items.get(size..)?, self.big),
+            self.item.integer(items.get(2 * size..)?, self.big),
         ])
     }
 }

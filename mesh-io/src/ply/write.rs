@@ -8,7 +8,7 @@ use tempfile::SpooledTempFile;
 use crate::codec::output::{BoxedOutput, Pen, patchable, spool};
 use crate::codec::text::write_point;
 use crate::codec::weld::Welder;
-use crate::{Error, IndexedMesh, Triangle, TriangleSink};
+use crate::{Error, Frame, IndexedMesh, Triangle, TriangleSink};
 
 /// How the rows are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,53 +26,65 @@ impl Encoding {
             Self::Big => "binary_big_endian",
         }
     }
+}
 
-    fn put_vertex(self, out: &mut Vec<u8>, position: Vec3) -> std::io::Result<()> {
-        match self {
-            Self::Ascii => {
-                write_point(out, position)?;
+/// How the rows are written, and in which frame the vertices come.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rows {
+    pub(crate) encoding: Encoding,
+    pub(crate) frame: Frame,
+}
+
+impl Rows {
+    fn put_vertex(&self, out: &mut Vec<u8>, position: Vec3) -> std::io::Result<()> {
+        let double = self.frame.double;
+        let wide = || self.frame.to_file(position).to_array();
+        let single = position.to_array();
+        match self.encoding {
+            Encoding::Ascii => {
+                write_point(out, position, &self.frame)?;
                 out.push(b'\n');
             }
-            Self::Little => {
-                position.to_array().iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
-            }
-            Self::Big => {
-                position.to_array().iter().for_each(|c| out.extend_from_slice(&c.to_be_bytes()));
-            }
+            Encoding::Little if double => out.extend(wide().map(f64::to_le_bytes).as_flattened()),
+            Encoding::Little => out.extend(single.map(f32::to_le_bytes).as_flattened()),
+            Encoding::Big if double => out.extend(wide().map(f64::to_be_bytes).as_flattened()),
+            Encoding::Big => out.extend(single.map(f32::to_be_bytes).as_flattened()),
         }
         Ok(())
     }
 
-    fn put_face(self, out: &mut Vec<u8>, [a, b, c]: [u32; 3]) -> std::io::Result<()> {
-        match self {
-            Self::Ascii => writeln!(out, "3 {a} {b} {c}")?,
-            Self::Little => {
-                out.push(3);
-                [a, b, c].iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
-            }
-            Self::Big => {
-                out.push(3);
-                [a, b, c].iter().for_each(|v| out.extend_from_slice(&v.to_be_bytes()));
-            }
+    fn put_face(&self, out: &mut Vec<u8>, face: [u32; 3]) -> std::io::Result<()> {
+        let [a, b, c] = face;
+        match self.encoding {
+            Encoding::Ascii => return writeln!(out, "3 {a} {b} {c}"),
+            Encoding::Little => put_list(out, face.map(u32::to_le_bytes)),
+            Encoding::Big => put_list(out, face.map(u32::to_be_bytes)),
         }
         Ok(())
     }
 }
 
+fn put_list(out: &mut Vec<u8>, corners: [[u8; 4]; 3]) {
+    let mut row = [3; 13];
+    row[1..].copy_from_slice(corners.as_flattened());
+    out.extend_from_slice(&row);
+}
+
 /// Digits of the largest 64-bit count.
 const COUNT_DIGITS: usize = 20;
 
-/// The header; always of the same length for the same encoding, whatever the counts, so that it can be replaced.
-fn header(encoding: Encoding, num_vertices: u64, num_faces: u64) -> String {
+/// The header; always of the same length for the same rows, whatever the counts, so that it can be replaced.
+fn header(rows: Rows, num_vertices: u64, num_faces: u64) -> String {
     // Every reader takes `int`; only more vertices than that need the other type.
     let index = if num_vertices > i32::MAX as u64 { "uint" } else { "int" };
     let counts = format!("{num_vertices}{num_faces}{index}");
     let padding = " ".repeat((2 * COUNT_DIGITS + "uint".len()).saturating_sub(counts.len()));
+    let real = if rows.frame.double { "double" } else { "float" };
     format!(
         "ply\nformat {} 1.0\ncomment written by mesh-io{padding}\n\
-         element vertex {num_vertices}\nproperty float x\nproperty float y\nproperty float z\n\
+         element vertex {num_vertices}\nproperty {real} x\nproperty {real} y\nproperty {real} z\n\
          element face {num_faces}\nproperty list uchar {index} vertex_indices\nend_header\n",
-        encoding.name()
+        rows.encoding.name()
     )
 }
 
@@ -82,13 +94,14 @@ pub(crate) fn write_mesh<W: Write>(
     mesh: &IndexedMesh,
     encoding: Encoding,
 ) -> Result<(), Error> {
-    let header = header(encoding, mesh.positions.len() as u64, mesh.triangles.len() as u64);
+    let rows = Rows { encoding, frame: Frame::default() };
+    let header = header(rows, mesh.positions.len() as u64, mesh.triangles.len() as u64);
     pen.bytes(header.as_bytes())?;
     for &position in &mesh.positions {
-        pen.put(|out| encoding.put_vertex(out, position))?;
+        pen.put(|out| rows.put_vertex(out, position))?;
     }
     for &triangle in &mesh.triangles {
-        pen.put(|out| encoding.put_face(out, triangle))?;
+        pen.put(|out| rows.put_face(out, triangle))?;
     }
     pen.flush()
 }
@@ -98,7 +111,7 @@ pub(crate) struct PlySink<'a> {
     pen: Pen<BoxedOutput<'a>>,
     faces: Pen<SpooledTempFile>,
     welder: Welder,
-    encoding: Encoding,
+    rows: Rows,
     num_faces: u64,
 }
 
@@ -106,13 +119,13 @@ impl<'a> PlySink<'a> {
     pub(crate) fn new(
         output: BoxedOutput<'a>,
         name: &str,
-        encoding: Encoding,
+        rows: Rows,
         welder: Welder,
     ) -> Result<Self, Error> {
         let mut pen = Pen::new(patchable(output), name);
         let faces = Pen::new(spool(pen.scratch()), name);
-        pen.bytes(header(encoding, 0, 0).as_bytes())?;
-        Ok(Self { pen, faces, welder, encoding, num_faces: 0 })
+        pen.bytes(header(rows, 0, 0).as_bytes())?;
+        Ok(Self { pen, faces, welder, rows, num_faces: 0 })
     }
 }
 
@@ -129,11 +142,11 @@ impl TriangleSink for PlySink<'_> {
                     });
                 };
                 if new {
-                    self.pen.put(|out| self.encoding.put_vertex(out, position))?;
+                    self.pen.put(|out| self.rows.put_vertex(out, position))?;
                 }
                 *index = vertex;
             }
-            self.faces.put(|out| self.encoding.put_face(out, face))?;
+            self.faces.put(|out| self.rows.put_face(out, face))?;
         }
         self.num_faces += triangles.len() as u64;
         Ok(())
@@ -152,7 +165,7 @@ impl TriangleSink for PlySink<'_> {
                 count => self.pen.bytes(&chunk[..count])?,
             }
         }
-        let header = header(self.encoding, self.welder.num_vertices(), self.num_faces);
+        let header = header(self.rows, self.welder.num_vertices(), self.num_faces);
         self.pen.patch(0, header.as_bytes())?;
         self.pen.commit()
     }
@@ -164,9 +177,10 @@ mod tests {
 
     #[test]
     fn the_header_keeps_its_length() {
-        let length = header(Encoding::Big, 0, 0).len();
+        let rows = Rows { encoding: Encoding::Big, frame: Frame::default() };
+        let length = header(rows, 0, 0).len();
         for count in [1, 99, 1 << 31, 1 << 40, u64::MAX] {
-            assert_eq!(header(Encoding::Big, count, count).len(), length);
+            assert_eq!(header(rows, count, count).len(), length);
         }
     }
 }

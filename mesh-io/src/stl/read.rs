@@ -8,7 +8,8 @@ use super::{HEADER_BYTES, RECORD_BYTES};
 use crate::codec::input::{Input, LineEnd};
 use crate::codec::text::{Fault, Tokens, trim_start};
 use crate::codec::weld::Welder;
-use crate::{Error, IndexedMesh, Place, Triangle, TriangleSource};
+use crate::frame::Framing;
+use crate::{Error, Frame, IndexedMesh, Place, Triangle, TriangleSource};
 
 /// How many bytes are looked at to tell text from binary.
 const PROBE_BYTES: usize = 1024;
@@ -29,8 +30,10 @@ enum Content {
 }
 
 /// Where in the text we are.
-#[derive(Default)]
 struct Solid {
+    framing: Framing,
+    /// Chosen with the first vertex.
+    frame: Option<Frame>,
     inside: bool,
     /// Corners so far of the facet begun.
     facet: Option<usize>,
@@ -44,8 +47,8 @@ pub(crate) struct StlReader<R> {
 }
 
 impl<R: Read> StlReader<R> {
-    /// Tells binary from text by size and content, whatever the file begins with.
-    pub(crate) fn new(mut input: Input<R>) -> Result<Self, Error> {
+    /// Tells binary from text by size and content, whatever the file begins with; reads text up to the first vertex.
+    pub(crate) fn new(mut input: Input<R>, framing: Framing) -> Result<Self, Error> {
         let there = input.fill(PROBE_BYTES)?;
         if there == 0 {
             return Err(input.empty());
@@ -54,7 +57,12 @@ impl<R: Read> StlReader<R> {
             if input.window().starts_with(BYTE_ORDER_MARK) {
                 input.consume(BYTE_ORDER_MARK.len());
             }
-            return Ok(Self { input, content: Content::Ascii(Solid::default()) });
+            let corners = [Vec3::ZERO; 3];
+            let solid = Solid { framing, frame: None, inside: false, facet: None, corners };
+            let mut reader = Self { input, content: Content::Ascii(solid) };
+            // No triangle is complete before its first vertex.
+            while reader.is_frame_open() && reader.take_line()?.is_some() {}
+            return Ok(reader);
         }
         let Some(&count) =
             input.window().get(..HEADER_BYTES).and_then(|header| header.last_chunk())
@@ -112,34 +120,37 @@ impl<R: Read> StlReader<R> {
         Ok(count)
     }
 
-    fn read_ascii(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
-        let Content::Ascii(solid) = &mut self.content else { return Ok(0) };
-        let mut count = 0;
-        while count < max {
-            let Some(line) = self.input.next_line()? else {
-                return match solid.missing() {
-                    None => Ok(count),
-                    Some(missing) => Err(self.input.truncated_line(missing)),
-                };
+    fn is_frame_open(&self) -> bool {
+        matches!(&self.content, Content::Ascii(solid) if solid.frame.is_none())
+    }
+
+    /// Takes one line of text: the triangle that it completes, if any, or the end.
+    #[inline]
+    fn take_line(&mut self) -> Result<Option<Option<Triangle>>, Error> {
+        let Content::Ascii(solid) = &mut self.content else { return Ok(None) };
+        let Some(line) = self.input.next_line()? else {
+            return match solid.missing() {
+                None => Ok(None),
+                Some(missing) => Err(self.input.truncated_line(missing)),
             };
-            match solid.take_line(self.input.text(line)) {
-                Ok(None) => {}
-                Ok(Some(triangle)) => {
-                    out.push(triangle);
-                    count += 1;
-                }
-                Err(problem) => {
-                    return Err(match solid.missing() {
-                        // The last line is cut off, whatever it looks like.
-                        Some(missing) if self.input.line_end() == LineEnd::None => {
-                            self.input.truncated_line(missing)
-                        }
-                        _ => self.input.malformed_line(problem, EXPORT_AGAIN),
-                    });
-                }
+        };
+        solid.take_line(self.input.text(line)).map(Some).map_err(|problem| match solid.missing() {
+            // The last line is cut off, whatever it looks like.
+            Some(missing) if self.input.line_end() == LineEnd::None => {
+                self.input.truncated_line(missing)
             }
+            _ => self.input.malformed_line(problem, EXPORT_AGAIN),
+        })
+    }
+
+    fn read_ascii(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+        let before = out.len();
+        while out.len() - before < max
+            && let Some(triangle) = self.take_line()?
+        {
+            out.extend(triangle);
         }
-        Ok(count)
+        Ok(out.len() - before)
     }
 }
 
@@ -169,6 +180,13 @@ impl<R: Read> TriangleSource for StlReader<R> {
             _ => None,
         }
     }
+
+    fn frame(&self) -> Frame {
+        match &self.content {
+            Content::Ascii(solid) => solid.frame.unwrap_or_default(),
+            Content::Binary { .. } => Frame::default(),
+        }
+    }
 }
 
 impl Solid {
@@ -193,7 +211,14 @@ impl Solid {
                     let Some(corner) = self.corners.get_mut(corners) else {
                         return Err("a facet with more than three vertices".to_owned());
                     };
-                    *corner = tokens.point().map_err(describe)?;
+                    let frame = match self.frame {
+                        Some(frame) => frame,
+                        None => {
+                            let first = tokens.clone().exact_point().map_err(describe)?;
+                            *self.frame.insert(self.framing.choose(first))
+                        }
+                    };
+                    *corner = tokens.point(&frame).map_err(describe)?;
                     self.facet = Some(corners + 1);
                     return Ok(None);
                 }
@@ -280,8 +305,11 @@ fn triangle_of(record: &[u8; RECORD_BYTES]) -> Triangle {
 }
 
 /// The whole mesh; corners with the same coordinate bits are one vertex.
-pub(crate) fn read_mesh<R: Read>(input: Input<R>) -> Result<IndexedMesh, Error> {
-    let mut reader = StlReader::new(input)?;
+pub(crate) fn read_mesh<R: Read>(
+    input: Input<R>,
+    framing: Framing,
+) -> Result<(IndexedMesh, Frame), Error> {
+    let mut reader = StlReader::new(input, framing)?;
     let mut mesh = IndexedMesh::default();
     if let Some(count) = reader.triangle_count() {
         mesh.triangles.reserve(usize::try_from(count).unwrap_or(0));
@@ -307,5 +335,5 @@ pub(crate) fn read_mesh<R: Read>(input: Input<R>) -> Result<IndexedMesh, Error> 
             mesh.triangles.push(indices);
         }
     }
-    Ok(mesh)
+    Ok((mesh, reader.frame()))
 }

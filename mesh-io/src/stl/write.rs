@@ -4,10 +4,10 @@ use std::io::{self, Write};
 
 use glam::Vec3;
 
-use super::HEADER_BYTES;
+use super::{HEADER_BYTES, RECORD_BYTES};
 use crate::codec::output::{BoxedOutput, Pen, patchable};
-use crate::codec::text::write_point;
-use crate::{Error, IndexedMesh, Triangle, TriangleSink};
+use crate::codec::text::{write_direction, write_point};
+use crate::{Error, Frame, IndexedMesh, Triangle, TriangleSink};
 
 /// Must not begin with "solid", or else readers take the file for text.
 const TITLE: &[u8] = b"binary STL written by mesh-io";
@@ -30,22 +30,25 @@ fn normal([a, b, c]: &Triangle) -> Vec3 {
     if normal.is_finite() { normal } else { Vec3::ZERO }
 }
 
-fn put_record(out: &mut Vec<u8>, triangle: &Triangle) {
-    for vector in [&normal(triangle)].into_iter().chain(triangle) {
-        for coordinate in vector.to_array() {
-            out.extend_from_slice(&coordinate.to_le_bytes());
+fn put_record(out: &mut Vec<u8>, triangle: &Triangle, frame: &Frame) {
+    let corners = triangle.map(|corner| frame.to_single(corner));
+    let mut record = [0; RECORD_BYTES];
+    let vectors = [normal(triangle), corners[0], corners[1], corners[2]];
+    for (bytes, vector) in record.as_chunks_mut::<12>().0.iter_mut().zip(vectors) {
+        for (bytes, coordinate) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(vector.to_array()) {
+            *bytes = coordinate.to_le_bytes();
         }
     }
-    out.extend_from_slice(&[0, 0]);
+    out.extend_from_slice(&record);
 }
 
-fn put_facet(out: &mut Vec<u8>, triangle: &Triangle) -> io::Result<()> {
+fn put_facet(out: &mut Vec<u8>, triangle: &Triangle, frame: &Frame) -> io::Result<()> {
     out.extend_from_slice(b"facet normal ");
-    write_point(out, normal(triangle))?;
+    write_direction(out, normal(triangle))?;
     out.extend_from_slice(b"\n outer loop\n");
     for &corner in triangle {
         out.extend_from_slice(b"  vertex ");
-        write_point(out, corner)?;
+        write_point(out, corner, frame)?;
         out.push(b'\n');
     }
     out.extend_from_slice(b" endloop\nendfacet\n");
@@ -68,13 +71,14 @@ pub(crate) fn write_mesh<W: Write>(
         let count = u32::try_from(mesh.triangles.len()).map_err(|_| too_many(pen.name()))?;
         pen.bytes(&header(count))?;
     }
+    let frame = Frame::default();
     for triangle in 0..mesh.triangles.len() {
         let corners = mesh.corners(triangle);
         pen.put(|out| {
             if ascii {
-                put_facet(out, &corners)
+                put_facet(out, &corners, &frame)
             } else {
-                put_record(out, &corners);
+                put_record(out, &corners, &frame);
                 Ok(())
             }
         })?;
@@ -88,19 +92,23 @@ pub(crate) fn write_mesh<W: Write>(
 /// A stream of text.
 pub(crate) struct AsciiSink<'a> {
     pen: Pen<BoxedOutput<'a>>,
+    frame: Frame,
 }
 
 impl<'a> AsciiSink<'a> {
-    pub(crate) fn new(output: BoxedOutput<'a>, name: &str) -> Result<Self, Error> {
+    pub(crate) fn new(output: BoxedOutput<'a>, name: &str, frame: Frame) -> Result<Self, Error> {
         let mut pen = Pen::new(output, name);
         pen.put(|out| writeln!(out, "solid {NAME}"))?;
-        Ok(Self { pen })
+        Ok(Self { pen, frame })
     }
 }
 
 impl TriangleSink for AsciiSink<'_> {
     fn write(&mut self, triangles: &[Triangle]) -> Result<(), Error> {
-        triangles.iter().try_for_each(|triangle| self.pen.put(|out| put_facet(out, triangle)))
+        let frame = &self.frame;
+        triangles
+            .iter()
+            .try_for_each(|triangle| self.pen.put(|out| put_facet(out, triangle, frame)))
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
@@ -112,14 +120,15 @@ impl TriangleSink for AsciiSink<'_> {
 /// A binary stream whose count is put in at the end.
 pub(crate) struct BinarySink<'a> {
     pen: Pen<BoxedOutput<'a>>,
+    frame: Frame,
     count: u64,
 }
 
 impl<'a> BinarySink<'a> {
-    pub(crate) fn new(output: BoxedOutput<'a>, name: &str) -> Result<Self, Error> {
+    pub(crate) fn new(output: BoxedOutput<'a>, name: &str, frame: Frame) -> Result<Self, Error> {
         let mut pen = Pen::new(patchable(output), name);
         pen.bytes(&header(0))?;
-        Ok(Self { pen, count: 0 })
+        Ok(Self { pen, frame, count: 0 })
     }
 }
 
@@ -131,7 +140,7 @@ impl TriangleSink for BinarySink<'_> {
         }
         triangles.iter().try_for_each(|triangle| {
             self.pen.put(|out| {
-                put_record(out, triangle);
+                put_record(out, triangle, &self.frame);
                 Ok(())
             })
         })

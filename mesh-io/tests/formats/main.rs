@@ -2,6 +2,7 @@
 #![cfg(all(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
 
 mod damage;
+mod frame;
 mod gltf;
 mod obj;
 mod output;
