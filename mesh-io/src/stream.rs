@@ -46,6 +46,13 @@ pub trait TriangleSource {
         self.read(out, max)
     }
 
+    /// Appends the triangles between these vertices, whose numbers
+    /// [`read_numbered`](TriangleSource::read_numbered) has told: what was read once need not be read again to be seen
+    /// again. Vertices that are not there lie at NaN, and sources without vertex numbers append nothing.
+    fn look_up(&mut self, numbers: &[[u64; 3]], out: &mut Vec<Triangle>) {
+        let _no_vertices = (numbers, out);
+    }
+
     /// The frame that the coordinates handed out are in; it does not change.
     fn frame(&self) -> Frame {
         Frame::default()
@@ -96,6 +103,10 @@ impl<S: TriangleSource + ?Sized> TriangleSource for Box<S> {
         max: usize,
     ) -> Result<usize, Error> {
         (**self).read_numbered(out, numbers, max)
+    }
+
+    fn look_up(&mut self, numbers: &[[u64; 3]], out: &mut Vec<Triangle>) {
+        (**self).look_up(numbers, out);
     }
 
     fn frame(&self) -> Frame {
@@ -182,5 +193,11 @@ impl TriangleSource for MeshSource {
         let count = batch.len();
         numbers.extend(self.mesh.triangles[batch].iter().map(|triangle| triangle.map(u64::from)));
         Ok(count)
+    }
+
+    fn look_up(&mut self, numbers: &[[u64; 3]], out: &mut Vec<Triangle>) {
+        let positions = &self.mesh.positions;
+        let position = |v: u64| positions.get(v as usize).copied().unwrap_or(glam::Vec3::NAN);
+        out.extend(numbers.iter().map(|triangle| triangle.map(position)));
     }
 }

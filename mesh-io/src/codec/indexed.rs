@@ -9,7 +9,7 @@ pub(crate) trait IndexedReader {
     /// Appends about `max` triangles with valid indices (a polygon may add some more); zero means the end.
     fn read_indices(&mut self, out: &mut Vec<[u32; 3]>, max: usize) -> Result<usize, Error>;
 
-    /// Appends the corners' positions of triangles that [`IndexedReader::read_indices`] has given.
+    /// Appends the corners' positions of these triangles; NaN for vertices that are not there.
     fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>);
 
     /// As [`TriangleSource::triangle_count`].
@@ -33,12 +33,13 @@ pub(crate) struct IndexedSource<I> {
     reader: I,
     pending: Vec<[u32; 3]>,
     next: usize,
+    looked_up: Vec<[u32; 3]>,
     since_relaxed: usize,
 }
 
 impl<I: IndexedReader> IndexedSource<I> {
     pub(crate) fn new(reader: I) -> Self {
-        Self { reader, pending: Vec::new(), next: 0, since_relaxed: 0 }
+        Self { reader, pending: Vec::new(), next: 0, looked_up: Vec::new(), since_relaxed: 0 }
     }
 
     /// Appends the corners of the next triangles and says where in `pending` those are.
@@ -52,12 +53,16 @@ impl<I: IndexedReader> IndexedSource<I> {
         let batch = self.next..stop;
         self.reader.look_up(&self.pending[batch.clone()], out);
         self.next = stop;
-        self.since_relaxed += batch.len();
+        self.relax_after(batch.len());
+        Ok(batch)
+    }
+
+    fn relax_after(&mut self, triangles: usize) {
+        self.since_relaxed += triangles;
         if self.since_relaxed >= RELAX_EVERY {
             self.since_relaxed = 0;
             self.reader.relax();
         }
-        Ok(batch)
     }
 }
 
@@ -92,5 +97,15 @@ impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
         let count = batch.len();
         numbers.extend(self.pending[batch].iter().map(|triangle| triangle.map(u64::from)));
         Ok(count)
+    }
+
+    fn look_up(&mut self, numbers: &[[u64; 3]], out: &mut Vec<Triangle>) {
+        let narrow = |v: u64| u32::try_from(v).unwrap_or(u32::MAX);
+        for part in numbers.chunks(1024) {
+            self.looked_up.clear();
+            self.looked_up.extend(part.iter().map(|triangle| triangle.map(narrow)));
+            self.reader.look_up(&self.looked_up, out);
+        }
+        self.relax_after(numbers.len());
     }
 }

@@ -354,7 +354,8 @@ impl<R: Read> IndexedReader for ObjReader<R> {
     }
 
     fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>) {
-        let position = |v: u32| self.model.positions[v as usize];
+        let positions = &self.model.positions;
+        let position = |v: u32| positions.get(v as usize).copied().unwrap_or(Vec3::NAN);
         out.extend(triangles.iter().map(|&[a, b, c]| [position(a), position(b), position(c)]));
     }
 

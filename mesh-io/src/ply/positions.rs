@@ -145,10 +145,17 @@ impl MappedPositions {
         Ok(Some(Self { map, start, count, layout, frame }))
     }
 
+    /// The rows, and nothing after them.
+    #[inline]
+    fn rows(&self) -> &[u8] {
+        let bytes = self.count as usize * self.layout.stride;
+        self.map.get(self.start..self.start + bytes).unwrap_or(&[])
+    }
+
     #[inline]
     fn get(&self, vertex: u32) -> Vec3 {
-        let start = self.start + vertex as usize * self.layout.stride;
-        match self.map.get(start..start + self.layout.stride) {
+        let start = vertex as usize * self.layout.stride;
+        match self.rows().get(start..start + self.layout.stride) {
             Some(row) => self.layout.position(row, &self.frame),
             None => Vec3::NAN,
         }
@@ -157,9 +164,10 @@ impl MappedPositions {
     fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>) {
         let Layout { stride, singles, big, .. } = self.layout;
         // One loop for each of the common layouts, without a question in it.
+        let rows = self.rows();
         let single = |v: u32, first: usize, big: bool| {
-            let start = self.start + v as usize * stride + first;
-            self.map.get(start..).and_then(|bytes| single(bytes, big)).unwrap_or(Vec3::NAN)
+            let start = v as usize * stride + first;
+            rows.get(start..).and_then(|bytes| single(bytes, big)).unwrap_or(Vec3::NAN)
         };
         match (singles, big) {
             (Some(first), false) => extend(out, triangles, |v| single(v, first, false)),

@@ -33,6 +33,9 @@ fn read_all_ways(bytes: &[u8]) -> IndexedMesh {
         let soup = drain(&mut *source, max).unwrap();
         assert_eq!(soup, mesh.to_soup());
         assert!(count.is_none_or(|count| count == soup.len() as u64));
+        let mut beyond = Vec::new();
+        source.look_up(&[[0, mesh.positions.len() as u64, 1 << 40]], &mut beyond);
+        assert_eq!(beyond[0].map(|p| p.is_nan()), [false, true, true]);
     }
     mesh
 }

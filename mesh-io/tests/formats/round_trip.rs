@@ -115,6 +115,12 @@ fn vertex_numbers_are_those_of_the_file() {
             } else {
                 let expected: Vec<_> = mesh.triangles.iter().map(|t| t.map(u64::from)).collect();
                 assert_eq!(numbers, expected, "{format:?}");
+                let mut again = Vec::new();
+                source.look_up(&numbers, &mut again);
+                assert_eq!(bits(&again), bits(&soup), "{format:?}");
+                again.clear();
+                source.look_up(&[[0, 5, u64::MAX]], &mut again);
+                assert_eq!(again[0].map(|p| p.is_nan()), [false, true, true]);
             }
         }
     }
