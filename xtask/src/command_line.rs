@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::{Error, conformance, demo, generate, test};
+use crate::{Error, compare, conformance, demo, generate, test};
 
 /// Builds, tests, demonstrates and judges the whole project.
 #[derive(Debug, Parser)]
@@ -26,6 +26,8 @@ enum Command {
     Ci,
     /// Judge every public claim with trimesh.
     Conformance(conformance::Arguments),
+    /// Decimate beside the peers, and as a stream of any length: rate, memory and distances.
+    Compare(compare::Arguments),
 }
 
 /// Runs the command that the process was started with.
@@ -47,5 +49,6 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Test | Command::Ci => test::run(),
         Command::Conformance(arguments) => conformance::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
     }
 }

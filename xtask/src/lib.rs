@@ -19,6 +19,7 @@
 //! ```
 
 pub mod command_line;
+pub mod compare;
 pub mod conformance;
 pub mod demo;
 mod error;

@@ -2,8 +2,13 @@
 
 use std::env;
 use std::ffi::OsStr;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::thread;
+use std::time::Instant;
+
+use wait4::{ResUse, Wait4};
 
 use crate::Error;
 
@@ -76,6 +81,59 @@ pub fn read(command: &mut Command) -> Result<String, Error> {
     }
 }
 
+/// What a program wrote and what it took, from its start to its end.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    /// How it ended.
+    pub status: ExitStatus,
+    /// Its standard output.
+    pub stdout: String,
+    /// Its standard error.
+    pub stderr: String,
+    /// Seconds by the clock.
+    pub seconds: f64,
+    /// Seconds of all processors together.
+    pub cpu_seconds: f64,
+    /// The most resident memory, in bytes.
+    pub peak_rss: u64,
+}
+
+/// Runs a program and measures it, whether it succeeds or not.
+///
+/// # Errors
+/// When it cannot be started or what it writes cannot be read.
+pub fn measure(command: &mut Command) -> Result<Measured, Error> {
+    let what = display(command);
+    let broken = |source: io::Error| Error::Report { what: what.clone(), why: source.to_string() };
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let start = Instant::now();
+    let mut child = command.spawn().map_err(start_error(command))?;
+    let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+    // Both at once: a full pipe would stop the program.
+    let errors = thread::spawn(|| stderr.map_or_else(|| Ok(String::new()), io::read_to_string));
+    let stdout = stdout.map_or_else(|| Ok(String::new()), io::read_to_string);
+    let (status, cpu_seconds, peak_rss) = wait(&mut child).map_err(&broken)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let stderr = errors.join().unwrap_or_else(|_| Ok(String::new()));
+    Ok(Measured {
+        status,
+        stdout: stdout.map_err(&broken)?,
+        stderr: stderr.map_err(&broken)?,
+        seconds,
+        cpu_seconds,
+        peak_rss,
+    })
+}
+
+/// Waits for a program's end; returns how it ended, its processor seconds and its most resident bytes.
+///
+/// # Errors
+/// When the operating system refuses.
+pub fn wait(child: &mut Child) -> io::Result<(ExitStatus, f64, u64)> {
+    let ResUse { status, rusage } = child.wait4()?;
+    Ok((status, (rusage.utime + rusage.stime).as_secs_f64(), rusage.maxrss))
+}
+
 /// Whether a program can be started and succeeds, silently.
 pub fn succeeds(command: &mut Command) -> bool {
     capture(command).is_ok_and(|output| output.status.success())
@@ -96,7 +154,8 @@ pub fn parse_json(what: &str, text: &str) -> Result<serde_json::Value, Error> {
         .map_err(|error| Error::Report { what: what.to_owned(), why: error.to_string() })
 }
 
-fn start_error(command: &Command) -> impl FnOnce(std::io::Error) -> Error {
+/// The error of a program that cannot be started.
+pub fn start_error(command: &Command) -> impl FnOnce(io::Error) -> Error {
     let program = command.get_program().to_string_lossy().into_owned();
     move |source| Error::Start { program, source }
 }

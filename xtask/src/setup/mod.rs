@@ -16,7 +16,7 @@ use crate::Error;
 pub fn everything() -> Result<Python, Error> {
     rust::components()?;
     vulkan::with_validation()?;
-    Python::find_or_install()
+    Python::find_or_install(&python::JUDGE)
 }
 
 /// A Vulkan loader and a driver, for rendering.
@@ -32,5 +32,13 @@ pub fn rendering() -> Result<(), Error> {
 /// # Errors
 /// [`Error::Missing`], with the command that would help.
 pub fn python() -> Result<Python, Error> {
-    Python::find_or_install()
+    Python::find_or_install(&python::JUDGE)
+}
+
+/// The Python environment with the peers that decimation is compared with.
+///
+/// # Errors
+/// [`Error::Missing`], with the command that would help.
+pub fn peers() -> Result<Python, Error> {
+    Python::find_or_install(&python::PEERS)
 }
