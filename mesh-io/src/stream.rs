@@ -1,5 +1,7 @@
 //! The two ends of a triangle stream.
 
+use std::ops::Range;
+
 use crate::{Error, Frame, IndexedMesh, Triangle};
 
 /// Hands out triangles batch by batch, in the order of the file.
@@ -21,17 +23,27 @@ pub trait TriangleSource {
         self.triangle_count()
     }
 
-    /// Whether [`read_numbered`](TriangleSource::read_numbered) tells the vertices' numbers: in PLY, OBJ and glTF, but
-    /// not in STL, which has no vertices.
+    /// Whether vertices have numbers: in PLY, OBJ and glTF they do, in STL there are no vertices.
+    ///
+    /// Numbers count from zero in the order of the file's vertices, and the same number is the same vertex from the
+    /// first triangle to the last. Different numbers may lie at the same coordinates.
     fn has_vertex_numbers(&self) -> bool {
         false
     }
 
-    /// As [`read`](TriangleSource::read), and appends the numbers of each triangle's three vertices to `numbers`.
+    /// As [`read`](TriangleSource::read), but appends the numbers of each triangle's three vertices instead of their
+    /// positions. Without vertex numbers there is nothing to read.
     ///
-    /// Numbers count from zero in the order of the file's vertices, and the same number is the same vertex from the
-    /// first triangle to the last. Different numbers may lie at the same coordinates. Where
-    /// [`has_vertex_numbers`](TriangleSource::has_vertex_numbers) says no, nothing is appended to `numbers`.
+    /// # Errors
+    ///
+    /// As [`read`](TriangleSource::read).
+    fn read_numbers(&mut self, numbers: &mut Vec<[u64; 3]>, max: usize) -> Result<usize, Error> {
+        let _no_vertices = (numbers, max);
+        Ok(0)
+    }
+
+    /// [`read`](TriangleSource::read) and [`read_numbers`](TriangleSource::read_numbers) at the same time; without vertex
+    /// numbers nothing is appended to `numbers`.
     ///
     /// # Errors
     ///
@@ -42,13 +54,18 @@ pub trait TriangleSource {
         numbers: &mut Vec<[u64; 3]>,
         max: usize,
     ) -> Result<usize, Error> {
-        let _no_vertices = numbers;
-        self.read(out, max)
+        if !self.has_vertex_numbers() {
+            return self.read(out, max);
+        }
+        let start = numbers.len();
+        let count = self.read_numbers(numbers, max)?;
+        self.look_up(&numbers[start..], out);
+        Ok(count)
     }
 
-    /// Appends the triangles between these vertices, whose numbers
-    /// [`read_numbered`](TriangleSource::read_numbered) has told: what was read once need not be read again to be seen
-    /// again. Vertices that are not there lie at NaN, and sources without vertex numbers append nothing.
+    /// Appends the triangles between these vertices, whose numbers [`read_numbers`](TriangleSource::read_numbers) has
+    /// told: what was read once need not be read again to be seen again. Vertices that are not there lie at NaN, and
+    /// sources without vertex numbers append nothing.
     fn look_up(&mut self, numbers: &[[u64; 3]], out: &mut Vec<Triangle>) {
         let _no_vertices = (numbers, out);
     }
@@ -94,6 +111,10 @@ impl<S: TriangleSource + ?Sized> TriangleSource for Box<S> {
 
     fn has_vertex_numbers(&self) -> bool {
         (**self).has_vertex_numbers()
+    }
+
+    fn read_numbers(&mut self, numbers: &mut Vec<[u64; 3]>, max: usize) -> Result<usize, Error> {
+        (**self).read_numbers(numbers, max)
     }
 
     fn read_numbered(
@@ -142,17 +163,21 @@ impl MeshSource {
 }
 
 impl MeshSource {
-    /// Appends the corners of the next triangles and says which those are.
-    fn advance(
-        &mut self,
-        out: &mut Vec<Triangle>,
-        max: usize,
-    ) -> Result<std::ops::Range<usize>, Error> {
+    /// The next triangles.
+    fn advance(&mut self, max: usize) -> Range<usize> {
+        let start = self.next;
+        self.next = start.saturating_add(max).min(self.mesh.triangles.len());
+        start..self.next
+    }
+}
+
+impl TriangleSource for MeshSource {
+    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
+        let batch = self.advance(max);
+        let count = batch.len();
         let positions = &self.mesh.positions;
-        let stop = self.next.saturating_add(max).min(self.mesh.triangles.len());
-        let batch = &self.mesh.triangles[self.next..stop];
-        out.reserve(batch.len());
-        for triangle in batch {
+        out.reserve(count);
+        for triangle in &self.mesh.triangles[batch] {
             let mut corners = [glam::Vec3::ZERO; 3];
             for (corner, &v) in corners.iter_mut().zip(triangle) {
                 *corner = *positions.get(v as usize).ok_or_else(|| Error::IndexOutOfRange {
@@ -164,15 +189,7 @@ impl MeshSource {
             }
             out.push(corners);
         }
-        let batch = self.next..stop;
-        self.next = stop;
-        Ok(batch)
-    }
-}
-
-impl TriangleSource for MeshSource {
-    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
-        self.advance(out, max).map(|batch| batch.len())
+        Ok(count)
     }
 
     fn triangle_count(&self) -> Option<u64> {
@@ -183,13 +200,8 @@ impl TriangleSource for MeshSource {
         true
     }
 
-    fn read_numbered(
-        &mut self,
-        out: &mut Vec<Triangle>,
-        numbers: &mut Vec<[u64; 3]>,
-        max: usize,
-    ) -> Result<usize, Error> {
-        let batch = self.advance(out, max)?;
+    fn read_numbers(&mut self, numbers: &mut Vec<[u64; 3]>, max: usize) -> Result<usize, Error> {
+        let batch = self.advance(max);
         let count = batch.len();
         numbers.extend(self.mesh.triangles[batch].iter().map(|triangle| triangle.map(u64::from)));
         Ok(count)

@@ -2,6 +2,8 @@
 
 use std::ops::ControlFlow;
 
+use crate::Error;
+
 /// What a run is busy with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -38,3 +40,16 @@ pub struct Progress {
 
 /// Is told the progress several times a second; breaks the run off by returning `Break`.
 pub type Observer<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
+
+impl Progress {
+    /// Tells the observer.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if it asks to stop.
+    pub(crate) fn tell(&self, observer: &mut Observer<'_>) -> Result<(), Error> {
+        match observer(self) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Error::Interrupted),
+        }
+    }
+}

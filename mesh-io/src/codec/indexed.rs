@@ -42,19 +42,16 @@ impl<I: IndexedReader> IndexedSource<I> {
         Self { reader, pending: Vec::new(), next: 0, looked_up: Vec::new(), since_relaxed: 0 }
     }
 
-    /// Appends the corners of the next triangles and says where in `pending` those are.
-    fn advance(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<Range<usize>, Error> {
+    /// The next triangles, which are in `pending`.
+    fn advance(&mut self, max: usize) -> Result<Range<usize>, Error> {
         if self.next == self.pending.len() && max > 0 {
             self.pending.clear();
             self.next = 0;
             self.reader.read_indices(&mut self.pending, max)?;
         }
-        let stop = self.next.saturating_add(max).min(self.pending.len());
-        let batch = self.next..stop;
-        self.reader.look_up(&self.pending[batch.clone()], out);
-        self.next = stop;
-        self.relax_after(batch.len());
-        Ok(batch)
+        let start = self.next;
+        self.next = start.saturating_add(max).min(self.pending.len());
+        Ok(start..self.next)
     }
 
     fn relax_after(&mut self, triangles: usize) {
@@ -68,7 +65,11 @@ impl<I: IndexedReader> IndexedSource<I> {
 
 impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
     fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
-        self.advance(out, max).map(|batch| batch.len())
+        let batch = self.advance(max)?;
+        let count = batch.len();
+        self.reader.look_up(&self.pending[batch], out);
+        self.relax_after(count);
+        Ok(count)
     }
 
     fn triangle_count(&self) -> Option<u64> {
@@ -87,13 +88,8 @@ impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
         true
     }
 
-    fn read_numbered(
-        &mut self,
-        out: &mut Vec<Triangle>,
-        numbers: &mut Vec<[u64; 3]>,
-        max: usize,
-    ) -> Result<usize, Error> {
-        let batch = self.advance(out, max)?;
+    fn read_numbers(&mut self, numbers: &mut Vec<[u64; 3]>, max: usize) -> Result<usize, Error> {
+        let batch = self.advance(max)?;
         let count = batch.len();
         numbers.extend(self.pending[batch].iter().map(|triangle| triangle.map(u64::from)));
         Ok(count)
