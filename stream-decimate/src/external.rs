@@ -114,7 +114,7 @@ impl<T: Pod, K: Key<T>> ExternalSort<T, K> {
         let (fan_in, memory) = (self.fan_in(), self.memory);
         let Self { key, scratch, records, order, runs, .. } = self;
         let Some(mut runs) = runs else {
-            return Ok(Sorted::Whole { key, records, order, next: 0 });
+            return Ok(Sorted::Whole { records, order, next: 0 });
         };
         drop((records, order));
         while runs.ends.len() > fan_in {
@@ -152,7 +152,7 @@ fn merge_groups<T: Pod>(
 #[derive(Debug)]
 pub(crate) enum Sorted<T, K> {
     /// All in memory, as they came, and their order.
-    Whole { key: K, records: Vec<T>, order: Vec<u64>, next: usize },
+    Whole { records: Vec<T>, order: Vec<u64>, next: usize },
     /// In a file.
     Merged { key: K, runs: Runs<T>, merge: Merge<T> },
 }

@@ -23,7 +23,7 @@ use crate::{Error, Observer, Progress, Stage};
 /// Triangles of a block, in memory and in the scratch file.
 const BLOCK: usize = 1 << 14;
 
-/// Vertices whose bits are in memory at a time: 16 MiB for each of two kinds of bits.
+/// Vertices whose bits are in memory at a time: 16 MiB of them.
 const ROUND: u64 = 1 << 27;
 
 /// Bytes for finding vertices with the same coordinates.
@@ -89,8 +89,8 @@ impl Counted {
 
 /// Reads all of a source that has vertex numbers, and counts.
 ///
-/// Memory is bounded by about 60 MiB, whatever the size of the mesh, besides what the source itself takes; the scratch
-/// files take 13 bytes per triangle, and up to 32 per vertex.
+/// Memory is bounded by about 45 MiB, whatever the size of the mesh, besides what the source itself takes. The scratch
+/// files take 13 bytes per triangle, and for vertices that share their coordinates up to 28 bytes each.
 ///
 /// # Errors
 /// The source's, those of the scratch files, and [`Error::Interrupted`].
@@ -188,6 +188,25 @@ impl Table {
         Ok(table)
     }
 
+    /// Every vertex below the limit, in the order of the numbers.
+    fn each_vertex(
+        &self,
+        source: &mut dyn TriangleSource,
+        mut act: impl FnMut(Vertex) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut corners = Vec::new();
+        for first in (0..self.limit).step_by(3 * BLOCK) {
+            let stop = self.limit.min(first + 3 * BLOCK as u64);
+            let numbers: Vec<_> = (first..stop).step_by(3).map(|v| [v, v + 1, v + 2]).collect();
+            corners.clear();
+            source.look_up(&numbers, &mut corners);
+            for (number, &position) in (first..stop).zip(corners.as_flattened()) {
+                act(Vertex::new(number as u32, position))?;
+            }
+        }
+        Ok(())
+    }
+
     fn num_blocks(&self) -> u64 {
         self.count.div_ceil(BLOCK as u64)
     }
@@ -249,30 +268,42 @@ impl Seen {
         Self { first: range.start as u32, words: vec![0; length] }
     }
 
+    /// The word and the bit in it.
     #[inline]
-    fn word(&mut self, vertex: u32) -> Option<(&mut u64, u64)> {
+    fn place(&self, vertex: u32) -> (usize, u64) {
         let at = vertex.wrapping_sub(self.first);
-        Some((self.words.get_mut(at as usize / 64)?, 1 << (at % 64)))
+        (at as usize / 64, 1 << (at % 64))
     }
 
     #[inline]
-    fn insert(&mut self, vertex: u32) {
-        if let Some((word, bit)) = self.word(vertex) {
-            *word |= bit;
-        }
+    fn contains(&self, vertex: u32) -> bool {
+        let (word, bit) = self.place(vertex);
+        self.words.get(word).is_none_or(|word| word & bit != 0)
+    }
+
+    /// Says whether it was not seen before.
+    #[inline]
+    fn insert(&mut self, vertex: u32) -> bool {
+        let (word, bit) = self.place(vertex);
+        let Some(word) = self.words.get_mut(word) else { return false };
+        let fresh = *word & bit == 0;
+        *word |= bit;
+        fresh
     }
 
     /// Bit `i` for each corner whose vertex was not seen before this triangle.
     #[inline]
-    fn take(&mut self, triangle: &[u32; 3]) -> u8 {
-        let mut fresh = 0;
-        for (corner, &vertex) in triangle.iter().enumerate() {
-            if let Some((word, bit)) = self.word(vertex) {
-                fresh |= u8::from(*word & bit == 0) << corner;
-            }
+    fn take(&mut self, &[a, b, c]: &[u32; 3]) -> u8 {
+        let fresh = [self.insert(a), self.insert(b), self.insert(c)].map(u8::from);
+        let mut bits = fresh[0] | fresh[1] << 1 | fresh[2] << 2;
+        // Corners that are the same vertex are alike.
+        if bits & 1 != 0 {
+            bits |= u8::from(a == b) << 1 | u8::from(a == c) << 2;
         }
-        triangle.iter().for_each(|&vertex| self.insert(vertex));
-        fresh
+        if bits & 2 != 0 {
+            bits |= u8::from(b == c) << 2;
+        }
+        bits
     }
 }
 
@@ -284,24 +315,30 @@ struct Shared {
 }
 
 impl Shared {
-    /// Sorts the vertices by a hash of their coordinates, so that equal ones become neighbours.
+    /// Sorts vertices by a hash of their coordinates, so that equal ones become neighbours; only those whose hash ends
+    /// in the same bits as another one's, which are few.
     fn find(
         source: &mut dyn TriangleSource,
         table: &Table,
         scratch: &Scratch,
     ) -> Result<Self, Error> {
+        let slots = (16 * table.limit).next_power_of_two().clamp(64, ROUND);
+        let (mut once, mut twice) = (Seen::new(0..slots), Seen::new(0..slots));
+        table.each_vertex(source, |vertex| {
+            let slot = vertex.low & (slots - 1) as u32;
+            if !once.insert(slot) {
+                twice.insert(slot);
+            }
+            Ok(())
+        })?;
+        drop(once);
         let mut sort = ExternalSort::new(scratch, SORT_BYTES, ByHash);
         scratch.require(sort.scratch_bytes(table.limit) + table.limit * size_of::<u32>() as u64)?;
-        let mut corners = Vec::new();
-        for first in (0..table.limit).step_by(3 * BLOCK) {
-            let stop = table.limit.min(first + 3 * BLOCK as u64);
-            let numbers: Vec<_> = (first..stop).step_by(3).map(|v| [v, v + 1, v + 2]).collect();
-            corners.clear();
-            source.look_up(&numbers, &mut corners);
-            for (number, &position) in (first..stop).zip(corners.as_flattened()) {
-                sort.push(Vertex::new(number as u32, position))?;
-            }
-        }
+        table.each_vertex(source, |vertex| {
+            let slot = vertex.low & (slots - 1) as u32;
+            if twice.contains(slot) { sort.push(vertex) } else { Ok(()) }
+        })?;
+        drop(twice);
         let mut sorted = sort.finish()?;
         let mut shared = Self { numbers: scratch.file()?, count: 0, waiting: Vec::new() };
         let mut batch = Vec::new();
@@ -331,7 +368,9 @@ impl Shared {
         for first in (0..self.count).step_by(BLOCK) {
             numbers.resize((self.count - first).min(BLOCK as u64) as usize, 0);
             self.numbers.read(first, &mut numbers)?;
-            numbers.iter().for_each(|&vertex| seen.insert(vertex));
+            for &vertex in &numbers {
+                seen.insert(vertex);
+            }
         }
         Ok(seen)
     }
@@ -416,7 +455,9 @@ mod tests {
     fn naive(mesh: &IndexedMesh) -> Vec<u8> {
         let key = |v: u32| mesh.positions[v as usize].to_array().map(|c| (c + 0.0).to_bits());
         let mut at = HashMap::<[u32; 3], Vec<u32>>::new();
-        (0..mesh.positions.len() as u32).for_each(|v| at.entry(key(v)).or_default().push(v));
+        // Nobody knows of vertices beyond those that triangles use.
+        let limit = mesh.triangles.as_flattened().iter().max().map_or(0, |&v| v + 1);
+        (0..limit).for_each(|v| at.entry(key(v)).or_default().push(v));
         let uses = |v: u32| mesh.triangles.iter().positions_of(v);
         let tag = |(t, triangle): (usize, &[u32; 3])| {
             let mut tag = 0;

@@ -7,7 +7,7 @@
 //! Wu and Kobbelt, *A Stream Algorithm for the Decimation of Massive Meshes*, 2003, §3.1, presort their input likewise.
 
 use glam::Vec3;
-use mesh_io::{Frame, Triangle, TriangleSource};
+use mesh_io::{Triangle, TriangleSource};
 
 use crate::external::{ExternalSort, Key, Sorted};
 use crate::finality::{Feed, Finality};
@@ -32,7 +32,6 @@ pub(crate) struct Presorted {
     sorted: Sorted<Triangle, Along>,
     axis: usize,
     count: u64,
-    frame: Frame,
 }
 
 /// Reads a file twice, to find its axis and to sort it, in so many bytes of memory.
@@ -51,7 +50,6 @@ pub(crate) fn presort(
     let mut batch = Vec::new();
     let mut done = 0;
     let mut source = open()?;
-    let frame = source.frame();
     let mut expected = source.triangle_hint().map(|count| 2 * count);
     let mut tell = |read, expected| {
         Progress { stage: Stage::Sorting, read, expected, ..Default::default() }.tell(observer)
@@ -81,18 +79,13 @@ pub(crate) fn presort(
         tell(done + count, expected)?;
     }
     drop(source);
-    Ok(Presorted { sorted: sort.finish()?, axis, count, frame })
+    Ok(Presorted { sorted: sort.finish()?, axis, count })
 }
 
 impl Presorted {
     /// Triangles in all.
     pub(crate) fn triangle_count(&self) -> u64 {
         self.count
-    }
-
-    /// The frame of the coordinates, as the source had it.
-    pub(crate) fn frame(&self) -> Frame {
-        self.frame
     }
 }
 
@@ -165,7 +158,6 @@ mod tests {
         .unwrap();
         assert_eq!(last.unwrap_or(0), 2 * soup.len() as u64);
         assert_eq!(presorted.triangle_count(), soup.len() as u64);
-        assert_eq!(presorted.frame(), Frame::default());
         let (mut all, mut below) = (Vec::new(), f32::NEG_INFINITY);
         let axis = loop {
             let before = all.len();
@@ -233,34 +225,20 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_is_that_of_the_source() {
-        struct Far(MeshSource);
-        let frame = Frame { origin: glam::DVec3::splat(1e6), double: true };
-        impl TriangleSource for Far {
-            fn read(
-                &mut self,
-                out: &mut Vec<Triangle>,
-                max: usize,
-            ) -> Result<usize, mesh_io::Error> {
-                self.0.read(out, max)
-            }
-
-            fn triangle_count(&self) -> Option<u64> {
-                None
-            }
-
-            fn frame(&self) -> Frame {
-                Frame { origin: glam::DVec3::splat(1e6), double: true }
-            }
-        }
+    fn the_observer_can_stop_it_in_either_reading() {
         let mesh = IndexedMesh::from_soup(&scattered(3, Vec3::ONE));
-        let mut open = || Ok(Box::new(Far(MeshSource::new(mesh.clone(), "far"))) as Box<_>);
+        let mut open = || Ok(Box::new(MeshSource::new(mesh.clone(), "soup")) as Box<_>);
         let folder = tempfile::tempdir().unwrap();
-        let scratch = Scratch::new(folder.path());
-        let continued = &mut |_: &Progress| ControlFlow::Continue(());
-        assert_eq!(presort(&mut open, &scratch, 0, continued).unwrap().frame(), frame);
-        let stopped = presort(&mut open, &scratch, 0, &mut |_| ControlFlow::Break(()));
-        assert!(matches!(stopped, Err(Error::Interrupted)));
+        for stop in [1, 4] {
+            let stopped = presort(&mut open, &Scratch::new(folder.path()), 0, &mut |progress| {
+                if progress.read < stop {
+                    ControlFlow::Continue(())
+                } else {
+                    ControlFlow::Break(())
+                }
+            });
+            assert!(matches!(stopped, Err(Error::Interrupted)));
+        }
     }
 
     #[test]
