@@ -49,6 +49,9 @@ pub enum Error {
         /// What the operating system says.
         source: io::Error,
     },
+    /// The threads could not be started.
+    #[error("the threads for decimating could not be started: {0}")]
+    Threads(rayon::ThreadPoolBuildError),
     /// The observer asked to stop.
     #[error("interrupted")]
     Interrupted,

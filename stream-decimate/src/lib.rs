@@ -15,12 +15,29 @@
 //! # Ok::<(), stream_decimate::OptionsError>(())
 //! ```
 
+mod decimator;
 mod error;
+mod external;
+mod finality;
+mod insert;
+mod lookup;
+mod missed;
 mod options;
+mod portion;
+mod presort;
 mod progress;
+mod rate;
+mod reorder;
 mod report;
+mod round;
+mod run;
+mod scratch;
+mod star;
+mod write;
 
+pub use decimator::StreamDecimator;
 pub use error::Error;
 pub use options::{DecimateOptions, OptionsError, Placement, Target};
 pub use progress::{Observer, Progress, Stage};
 pub use report::{DecimateReport, MissedTarget, Repairs};
+pub use run::{decimate, decimate_file};

@@ -1,0 +1,371 @@
+//! The procedure as a whole (Wu and Kobbelt 2003, §4.1), as something to push triangles into.
+
+use mesh_io::{Triangle, TriangleSink};
+use rayon::ThreadPool;
+
+use crate::finality::Finality;
+use crate::insert::Inserter;
+use crate::missed;
+use crate::portion::{Portion, state};
+use crate::rate::Rules;
+use crate::reorder::reorder;
+use crate::round::{self, Decimation};
+use crate::write;
+use crate::{DecimateOptions, DecimateReport, Error, Progress, Target};
+
+/// A vertex that is known to have had its last triangle waits for nothing.
+const NOTHING: u32 = u32::MAX;
+
+/// The clock of the waiting vertices ticks once in so many triangles.
+const TICK: u64 = 64;
+
+/// Triangles written at a time.
+const BATCH: usize = 1 << 14;
+
+/// What to do when waiting triangles crowd the buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum WhenCrowded {
+    /// Take the boundaries that have waited longest for true ones.
+    Seal,
+    /// Report [`Error::Unsorted`].
+    Fail,
+}
+
+/// Decimates the triangles that are pushed into it, in a buffer of fixed size.
+///
+/// Output goes to the sink as soon as it is final; most of it may come with [`finish`](Self::finish).
+///
+/// ```
+/// use glam::vec3;
+/// use mesh_io::{Error, Triangle, TriangleSink};
+/// use stream_decimate::{DecimateOptions, StreamDecimator, Target};
+///
+/// struct Count(usize);
+/// impl TriangleSink for Count {
+///     fn write(&mut self, triangles: &[Triangle]) -> Result<(), Error> {
+///         self.0 += triangles.len();
+///         Ok(())
+///     }
+///     fn finish(self: Box<Self>) -> Result<(), Error> {
+///         Ok(())
+///     }
+/// }
+///
+/// let mut count = Count(0);
+/// let mut decimator = StreamDecimator::new(&DecimateOptions::new(Target::Ratio(0.1)), None)?;
+/// let height = |x: i32, y: i32| vec3(x as f32, y as f32, (x as f32 * 0.1).sin() * (y as f32 * 0.1).cos());
+/// for y in 0..100 {
+///     for x in 0..100 {
+///         let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| height(x + i, y + j));
+///         decimator.push(&[[a, b, c], [a, c, d]], &mut count)?;
+///     }
+/// }
+/// let report = decimator.finish(&mut count)?;
+/// assert_eq!((report.input_triangles, report.output_triangles), (20_000, 2_000));
+/// assert_eq!(count.0, 2_000);
+/// # Ok::<(), stream_decimate::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct StreamDecimator {
+    capacity: usize,
+    target: Target,
+    /// The share of triangles to keep, as far as it is known before the end.
+    ratio: f64,
+    expected: Option<u64>,
+    when_crowded: WhenCrowded,
+    pool: ThreadPool,
+    portion: Portion,
+    inserter: Inserter,
+    decimation: Decimation,
+    read: u64,
+    written: u64,
+    peak: usize,
+    sealed: u64,
+    out: Vec<Triangle>,
+}
+
+impl StreamDecimator {
+    /// A decimator with an empty buffer, for a stream of `expected` triangles, if that is known.
+    ///
+    /// # Errors
+    /// Options out of range; a number of triangles asked for that is too large for a stream of unknown length.
+    pub fn new(options: &DecimateOptions, expected: Option<u64>) -> Result<Self, Error> {
+        options.check()?;
+        let capacity = options.buffer_triangles;
+        let ratio = match (options.target, expected) {
+            (Target::Ratio(ratio), _) => ratio,
+            (Target::Triangles(target), Some(expected)) => {
+                (target as f64 / expected.max(1) as f64).min(1.0)
+            }
+            // Nothing may be written before the end.
+            (Target::Triangles(target), None) if target <= capacity as u64 / 2 => 0.0,
+            (Target::Triangles(target), None) => {
+                let needed = 2 * target;
+                return Err(Error::UnknownLength { target, buffer: capacity, needed });
+            }
+            (Target::MaxError(_), _) => 0.0,
+        };
+        let most_deviation = match options.target {
+            Target::MaxError(most) => most as f32,
+            _ => f32::INFINITY,
+        };
+        let rules = Rules { placement: options.placement, most_deviation };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(options.threads.map_or(0, |n| n.get()))
+            .build()
+            .map_err(Error::Threads)?;
+        let mut portion = Portion::with_capacity(capacity * 9 / 16);
+        let mut inserter = Inserter::default();
+        inserter.begin(&mut portion, capacity / 2);
+        Ok(Self {
+            capacity,
+            target: options.target,
+            ratio,
+            expected,
+            when_crowded: WhenCrowded::Seal,
+            pool,
+            portion,
+            inserter,
+            decimation: Decimation::new(rules, options.candidates, options.seed),
+            read: 0,
+            written: 0,
+            peak: 0,
+            sealed: 0,
+            out: Vec::new(),
+        })
+    }
+
+    /// Another answer to a crowded buffer than to seal boundaries.
+    pub(crate) fn when_crowded(mut self, answer: WhenCrowded) -> Self {
+        self.when_crowded = answer;
+        self
+    }
+
+    /// The number of triangles to expect, for progress alone.
+    pub(crate) fn expect(&mut self, hint: Option<u64>) {
+        self.expected = hint;
+    }
+
+    /// Takes triangles; as the buffer fills, decimates, and writes what is final to the sink.
+    ///
+    /// # Errors
+    /// Those of the sink; [`Error::Unsorted`].
+    pub fn push(
+        &mut self,
+        triangles: &[Triangle],
+        sink: &mut dyn TriangleSink,
+    ) -> Result<(), Error> {
+        self.push_with(triangles, Finality::Unknown, sink)
+    }
+
+    /// As [`push`](Self::push), with what is known about the last triangles of vertices.
+    pub(crate) fn push_with(
+        &mut self,
+        triangles: &[Triangle],
+        finality: Finality<'_>,
+        sink: &mut (impl TriangleSink + ?Sized),
+    ) -> Result<(), Error> {
+        for (i, triangle) in triangles.iter().enumerate() {
+            if self.is_full() {
+                self.make_room(finality, sink)?;
+            }
+            let inserted = self.inserter.insert(&mut self.portion, triangle);
+            self.read += 1;
+            let now = (self.read / TICK) as u32;
+            if let Some(vertices) = inserted {
+                for v in vertices {
+                    self.portion.waiting[v as usize] = now;
+                }
+            }
+            if let Finality::Corners(tags) = finality {
+                for corner in (0..3).filter(|corner| tags[i] >> corner & 1 != 0) {
+                    let last = match inserted {
+                        Some(vertices) => Some(vertices[corner]),
+                        None => self.inserter.find(&self.portion, triangle[corner]),
+                    };
+                    if let Some(v) = last {
+                        self.portion.waiting[v as usize] = NOTHING;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the stream: decimates what is left to the target, and writes it. Does not [`finish`](TriangleSink::finish)
+    /// the sink.
+    ///
+    /// # Errors
+    /// As [`push`](Self::push).
+    pub fn finish(mut self, sink: &mut dyn TriangleSink) -> Result<DecimateReport, Error> {
+        self.finish_with(sink)
+    }
+
+    /// As [`finish`](Self::finish).
+    pub(crate) fn finish_with(
+        &mut self,
+        sink: &mut (impl TriangleSink + ?Sized),
+    ) -> Result<DecimateReport, Error> {
+        self.peak = self.peak.max(self.portion.num_triangles());
+        for v in 0..self.portion.num_slots() as u32 {
+            if self.portion.state(v) == state::OPEN {
+                self.inserter.seal(&mut self.portion, v);
+            }
+        }
+        let target = self.target.triangles(self.read);
+        let goal = target.map_or(0, |target| target.saturating_sub(self.written)) as usize;
+        self.settle_and_run(goal, 0);
+        let output = self.written + self.portion.num_triangles() as u64;
+        let missed = target.filter(|&target| output > target).map(|target| {
+            missed::reasons(&mut self.portion, output - target, &self.decimation.rules)
+        });
+        write::write_all(&mut self.portion, &mut self.out);
+        self.flush(sink)?;
+        Ok(DecimateReport {
+            input_triangles: self.read,
+            output_triangles: self.written,
+            target_triangles: target,
+            missed,
+            peak_buffer_triangles: self.peak as u64,
+            repaired: self.inserter.repairs,
+            sealed_vertices: self.sealed,
+            ..Default::default()
+        })
+    }
+
+    /// How far the run is.
+    pub fn progress(&self) -> Progress {
+        let represented = self.read as f64 - self.written as f64 / self.ratio.max(f64::EPSILON);
+        let buffered = self.portion.num_triangles() as u64;
+        Progress {
+            read: self.read,
+            expected: self.expected,
+            written: self.written,
+            buffered,
+            capacity: self.capacity as u64,
+            resolution: buffered as f64 / represented.max(buffered as f64).max(1.0),
+            ..Default::default()
+        }
+    }
+
+    /// Vertices the buffer holds at most: half as many again as a closed mesh has.
+    fn most_vertices(&self) -> usize {
+        self.capacity * 3 / 4
+    }
+
+    /// Whether there is no room for another triangle, whatever it is like.
+    fn is_full(&self) -> bool {
+        self.portion.num_triangles() >= self.capacity
+            || self.portion.num_vertices() + 3 > self.most_vertices()
+    }
+
+    /// The share of the buffer that is in use.
+    fn filling(&self) -> f64 {
+        let triangles = self.portion.num_triangles() as f64 / self.capacity as f64;
+        triangles.max((self.portion.num_vertices() + 3) as f64 / self.most_vertices() as f64)
+    }
+
+    /// DECIMATE and WRITE until the buffer is half empty (§4.1's hysteresis).
+    fn make_room(
+        &mut self,
+        finality: Finality<'_>,
+        sink: &mut (impl TriangleSink + ?Sized),
+    ) -> Result<(), Error> {
+        self.peak = self.peak.max(self.portion.num_triangles());
+        self.seal_final(finality);
+        let half = self.capacity / 2;
+        let slack = self.capacity / 50;
+        let waiting = self.portion.num_waiting_triangles();
+        if 2 * waiting > self.capacity {
+            self.relieve(waiting)?;
+        }
+        let waiting = self.portion.num_waiting_triangles() as u64;
+        // What those that wait for nothing become at the target's resolution.
+        let level = self.ratio * (self.read - waiting.min(self.read)) as f64 + waiting as f64
+            - self.written as f64;
+        // If the rest of the output fits into the buffer, nothing need be coarser than that before the end.
+        let rest = match self.expected {
+            Some(expected) => self.ratio * expected as f64 - self.written as f64,
+            None => 0.0,
+        };
+        let most = self.capacity - self.capacity / 4;
+        let kept = if rest <= self.capacity as f64 { rest.min(most as f64) } else { 0.0 };
+        let goal = half.max(level.max(kept) as usize);
+        self.settle_and_run(goal, slack);
+        // Written late and much at a time: what stays can still be decimated, and has few frozen vertices.
+        if self.filling() > 0.875 {
+            let left = self.portion.num_triangles() as f64 * 0.5 / self.filling();
+            write::write(&mut self.portion, left as usize, &mut self.out);
+            self.flush(sink)?;
+        }
+        if self.filling() > 0.9375 {
+            // Neither decimated nor written: it waits.
+            return Err(self.unsorted(self.portion.num_waiting_triangles()));
+        }
+        self.inserter.begin(&mut self.portion, self.capacity / 4);
+        Ok(())
+    }
+
+    /// Makes candidates of all vertices that have become complete, and decimates.
+    fn settle_and_run(&mut self, goal: usize, slack: usize) {
+        let Self { portion, inserter, decimation, pool, .. } = self;
+        inserter.settle(portion);
+        pool.install(|| {
+            reorder(portion);
+            round::rate_new(portion, &decimation.rules);
+            decimation.run(portion, goal, slack);
+        });
+    }
+
+    /// Seals the vertices that are known to have had their last triangle.
+    fn seal_final(&mut self, finality: Finality<'_>) {
+        for v in 0..self.portion.num_slots() as u32 {
+            if self.portion.state(v) != state::OPEN {
+                continue;
+            }
+            let is_final = match finality {
+                Finality::Unknown => false,
+                Finality::Corners(_) => self.portion.waiting[v as usize] == NOTHING,
+                Finality::Below { axis, coordinate } => self.portion.position(v)[axis] < coordinate,
+            };
+            if is_final {
+                self.inserter.seal(&mut self.portion, v);
+            }
+        }
+    }
+
+    /// Seals the boundaries that have waited longest, of a crowded buffer.
+    fn relieve(&mut self, waiting: usize) -> Result<(), Error> {
+        if self.when_crowded == WhenCrowded::Fail {
+            return Err(self.unsorted(waiting));
+        }
+        let open: Vec<u32> = (0..self.portion.num_slots() as u32)
+            .filter(|&v| self.portion.state(v) == state::OPEN)
+            .collect();
+        let mut times: Vec<u32> = open.iter().map(|&v| self.portion.waiting[v as usize]).collect();
+        times.sort_unstable();
+        // Three quarters of them; but never those that came with the last eighth of the buffer.
+        let young = (self.read.saturating_sub(self.capacity as u64 / 8) / TICK) as u32;
+        let before = times.get(times.len() * 3 / 4).map_or(young, |&time| time.min(young));
+        for v in open {
+            if self.portion.waiting[v as usize] < before {
+                self.inserter.seal(&mut self.portion, v);
+                self.sealed += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn unsorted(&self, waiting: usize) -> Error {
+        Error::Unsorted { read: self.read, waiting: waiting as u64, buffer: self.capacity }
+    }
+
+    fn flush(&mut self, sink: &mut (impl TriangleSink + ?Sized)) -> Result<(), Error> {
+        for batch in self.out.chunks(BATCH) {
+            sink.write(batch)?;
+        }
+        self.written += self.out.len() as u64;
+        self.out = Vec::new();
+        Ok(())
+    }
+}

@@ -1,0 +1,221 @@
+//! READ (Wu and Kobbelt 2003, §4.2): triangles find their neighbours by the coordinates of their corners.
+
+use glam::Vec3;
+use mesh_io::Triangle;
+use qem::{ErrorMetric, Quadric};
+
+use crate::Repairs;
+use crate::lookup::{Lookup, key};
+use crate::portion::{Portion, state};
+use crate::star::Added;
+
+/// Puts triangles into the portion.
+#[derive(Debug, Default)]
+pub(crate) struct Inserter {
+    lookup: Lookup,
+    /// Vertices that closed since the last [`settle`](Self::settle).
+    closed: Vec<u32>,
+    pub(crate) repairs: Repairs,
+}
+
+impl Inserter {
+    /// Forgets all vertices but those whose triangles may still come, and lets their number be `expected` more.
+    pub(crate) fn begin(&mut self, portion: &mut Portion, expected: usize) {
+        portion.sort_free_slots();
+        self.lookup.reset(expected);
+        for v in 0..portion.num_slots() as u32 {
+            if portion.state(v) == state::OPEN {
+                self.lookup.insert(key(portion.position(v)), v);
+            }
+        }
+    }
+
+    /// Puts a triangle where it belongs; its vertices, if it did not have to be left out.
+    pub(crate) fn insert(
+        &mut self,
+        portion: &mut Portion,
+        triangle: &Triangle,
+    ) -> Option<[u32; 3]> {
+        // Adding zero makes −0 equal to +0.
+        let corners = triangle.map(|corner| corner + Vec3::ZERO);
+        if !corners.iter().all(|c| c.is_finite()) {
+            self.repairs.non_finite += 1;
+            return None;
+        }
+        let [p, q, r] = corners;
+        if p == q || q == r || r == p {
+            self.repairs.degenerate += 1;
+            return None;
+        }
+        let found = corners.map(|corner| {
+            let lookup = &self.lookup;
+            lookup.find(key(corner), |v| portion.position(v) == corner)
+        });
+        let fits = match found {
+            [Some(a), Some(b), Some(c)] => {
+                !(leads(portion, a, b) || leads(portion, b, c) || leads(portion, c, a))
+            }
+            [Some(a), Some(b), None] => !leads(portion, a, b),
+            [None, Some(b), Some(c)] => !leads(portion, b, c),
+            [Some(a), None, Some(c)] => !leads(portion, c, a),
+            _ => true,
+        };
+        let fits = fits && found.iter().flatten().all(|&v| portion.state(v) != state::RING);
+        let [a, b, c] = if fits {
+            let mut vertices = [0; 3];
+            for ((vertex, found), &corner) in vertices.iter_mut().zip(found).zip(&corners) {
+                *vertex = found.unwrap_or_else(|| self.new_vertex(portion, corner));
+            }
+            vertices
+        } else {
+            self.cut_off(portion, corners)?
+        };
+        portion.count_triangles(1, 0);
+        let plane = Quadric::from_triangle([Vec3::ZERO, q - p, r - p]);
+        for (v, x, y) in [(a, b, c), (b, c, a), (c, a, b)] {
+            portion.add_plane(v, &plane);
+            match portion.stars.all().add(v, x, y) {
+                Added::Open => portion.set_state(v, state::OPEN),
+                Added::Ring => {
+                    portion.set_state(v, state::RING);
+                    self.closed.push(v);
+                }
+                Added::RingAndOthers => {
+                    self.split(portion, v);
+                    portion.set_state(v, state::RING);
+                    self.closed.push(v);
+                }
+            }
+        }
+        Some([a, b, c])
+    }
+
+    /// The vertex at a position whose triangles may still come.
+    pub(crate) fn find(&self, portion: &Portion, position: Vec3) -> Option<u32> {
+        let position = position + Vec3::ZERO;
+        self.lookup.find(key(position), |v| portion.position(v) == position)
+    }
+
+    fn new_vertex(&mut self, portion: &mut Portion, position: Vec3) -> u32 {
+        let v = portion.add_vertex(position);
+        self.lookup.insert(key(position), v);
+        v
+    }
+
+    /// The vertices of a triangle one of whose edges has its triangles already: of all vertices at its corners, those
+    /// that join it to the most neighbours, and new ones where none fits. `None` if it is there already.
+    fn cut_off(&mut self, portion: &mut Portion, corners: Triangle) -> Option<[u32; 3]> {
+        let mut choices: [Vec<Option<u32>>; 3] = Default::default();
+        for (choice, &corner) in choices.iter_mut().zip(&corners) {
+            let all = self.lookup.find_all(key(corner), |v| portion.position(v) == corner);
+            choice.extend(all.map(Some));
+            choice.push(None);
+        }
+        let mut best: Option<(usize, [Option<u32>; 3])> = None;
+        let [of_p, of_q, of_r] = &choices;
+        for &a in of_p {
+            for &b in of_q {
+                for &c in of_r {
+                    if let (Some(a), Some(b), Some(c)) = (a, b, c)
+                        && portion.stars.fans(a).has_triangle(b, c)
+                    {
+                        self.repairs.duplicate += 1;
+                        return None;
+                    }
+                    let complete =
+                        |v: Option<u32>| v.is_some_and(|v| portion.state(v) == state::RING);
+                    if complete(a) || complete(b) || complete(c) {
+                        continue;
+                    }
+                    let edges = [(a, b), (b, c), (c, a)];
+                    let both = |e: (Option<u32>, Option<u32>)| e.0.zip(e.1);
+                    if edges.into_iter().filter_map(both).any(|(x, y)| leads(portion, x, y)) {
+                        continue;
+                    }
+                    let joined = edges
+                        .into_iter()
+                        .filter_map(both)
+                        .filter(|&(x, y)| leads(portion, y, x))
+                        .count();
+                    if best.is_none_or(|(most, _)| joined > most) {
+                        best = Some((joined, [a, b, c]));
+                    }
+                }
+            }
+        }
+        self.repairs.non_manifold += 1;
+        let (_, chosen) = best?;
+        let mut vertices = [0; 3];
+        for ((vertex, chosen), &corner) in vertices.iter_mut().zip(chosen).zip(&corners) {
+            *vertex = chosen.unwrap_or_else(|| self.new_vertex(portion, corner));
+        }
+        Some(vertices)
+    }
+
+    /// Gives all fans of a vertex but the last to a vertex of their own, which is open.
+    fn split(&mut self, portion: &mut Portion, v: u32) -> u32 {
+        self.repairs.split_vertices += 1;
+        let fans = portion.stars.all().take_all_but_last(v);
+        let position = portion.position(v);
+        let other = self.new_vertex(portion, position);
+        portion.stars.all().adopt(other, v, &fans);
+        for vertex in [v, other] {
+            let mut quadric = Quadric::default();
+            for (a, b) in portion.stars.fans(vertex).triangles() {
+                let edges = [a, b].map(|x| portion.position(x) - position);
+                quadric.merge(&Quadric::from_triangle([Vec3::ZERO, edges[0], edges[1]]));
+            }
+            portion.vertices[vertex as usize].quadric = quadric;
+        }
+        portion.waiting[other as usize] = portion.waiting[v as usize];
+        other
+    }
+
+    /// Takes an open vertex for one that has all its triangles: each fan becomes part of a true boundary.
+    pub(crate) fn seal(&mut self, portion: &mut Portion, v: u32) {
+        while portion.stars.fans(v).num_fans() > 1 {
+            let mut rest = self.split(portion, v);
+            while portion.stars.fans(rest).num_fans() > 1 {
+                rest = self.split_one(portion, rest);
+            }
+            self.seal_fan(portion, rest);
+        }
+        self.seal_fan(portion, v);
+    }
+
+    fn split_one(&mut self, portion: &mut Portion, v: u32) -> u32 {
+        let other = self.split(portion, v);
+        self.seal_fan(portion, v);
+        other
+    }
+
+    fn seal_fan(&mut self, portion: &mut Portion, v: u32) {
+        let fans = portion.stars.fans(v);
+        let position = portion.position(v);
+        let mut quadric = Quadric::default();
+        let list: Vec<(u32, u32)> = fans.triangles().collect();
+        if let (Some(&(x, next)), Some(&(previous, y))) = (list.first(), list.last()) {
+            for (end, third) in [(x, next), (y, previous)] {
+                let [end, third] = [end, third].map(|x| portion.position(x) - position);
+                let normal = end.cross(third).normalize_or_zero();
+                quadric.merge(&Quadric::from_boundary_edge([Vec3::ZERO, end], normal));
+            }
+        }
+        portion.add_plane(v, &quadric);
+        portion.set_state(v, state::BOUNDARY);
+        self.closed.push(v);
+    }
+
+    /// Makes candidates of the vertices that have become complete.
+    pub(crate) fn settle(&mut self, portion: &mut Portion) {
+        for v in self.closed.drain(..) {
+            portion.unrate_around(v);
+        }
+    }
+}
+
+/// Whether the edge from `a` to `b` has its triangle.
+#[inline]
+fn leads(portion: &Portion, a: u32, b: u32) -> bool {
+    portion.stars.fans(a).leads_to(b)
+}

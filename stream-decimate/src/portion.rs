@@ -1,0 +1,385 @@
+//! The in-core portion of the mesh (Wu and Kobbelt 2003, §4: the part B).
+
+use glam::Vec3;
+use qem::{ErrorMetric, Quadric};
+use rayon::prelude::*;
+
+use crate::star::{StarSlice, Stars};
+
+/// What a vertex is to the decimation. The states are bits, to be tested for several at once.
+pub(crate) mod state {
+    /// Not in use.
+    pub(crate) const FREE: u8 = 0;
+    /// Triangles may still come: on P_ab.
+    pub(crate) const OPEN: u8 = 1;
+    /// Surrounded by its triangles.
+    pub(crate) const RING: u8 = 2;
+    /// On a true boundary.
+    pub(crate) const BOUNDARY: u8 = 4;
+    /// Written out with one of its triangles, and fixed by that: on P_bc.
+    pub(crate) const FROZEN: u8 = 8;
+
+    /// May go, if its neighbour may take it.
+    pub(crate) const MAY_GO: u8 = RING | BOUNDARY;
+    /// May take a neighbour.
+    pub(crate) const MAY_TAKE: u8 = RING | BOUNDARY | FROZEN;
+}
+
+/// There is no rating.
+pub(crate) const STALE: u8 = 16;
+/// The rating is older than the neighbourhood: the target may cost more by now, or be forbidden.
+pub(crate) const UNSURE: u8 = 32;
+/// The bits of the state.
+const STATE: u8 = 15;
+
+/// What belongs to one vertex: a cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Vertex {
+    /// Where it is.
+    pub(crate) position: Vec3,
+    /// The planes it stands for, about its position.
+    pub(crate) quadric: Quadric,
+    /// The neighbour it would best be collapsed into, when last rated.
+    pub(crate) target: u32,
+    /// At most the cost of collapsing it into any other neighbour.
+    pub(crate) second: f32,
+    /// At most how far the surface around it has moved.
+    pub(crate) deviation: f32,
+}
+
+/// The vertices from `base` on, with all that belongs to them: what one thread can work on alone.
+#[derive(Debug)]
+pub(crate) struct Window<'a> {
+    base: u32,
+    vertices: &'a mut [Vertex],
+    pub(crate) stars: StarSlice<'a>,
+    flags: &'a mut [u8],
+    bounds: &'a mut [f32],
+}
+
+impl Window<'_> {
+    /// Whether the vertex is in this window.
+    #[inline]
+    pub(crate) fn has(&self, v: u32) -> bool {
+        ((v.wrapping_sub(self.base)) as usize) < self.vertices.len()
+    }
+
+    /// Whether the vertex and its neighbours are in this window, and few enough.
+    #[inline]
+    pub(crate) fn has_star(&self, v: u32) -> bool {
+        !self.stars.is_long(self.stars.valence(v))
+            && self.stars.fans(v).neighbours().all(|x| self.has(x))
+    }
+
+    /// Reads all of it once, from the first vertex to the last: much faster than to have each vertex come to the caches
+    /// when its turn is.
+    pub(crate) fn warm(&self) {
+        let vertices = self.vertices.iter().fold(0, |sum: u32, v| sum.wrapping_add(v.target));
+        std::hint::black_box(vertices.wrapping_add(self.stars.sum_of_lengths()));
+    }
+
+    /// The number of the first vertex.
+    pub(crate) fn base(&self) -> u32 {
+        self.base
+    }
+
+    /// Bounds of all vertices.
+    pub(crate) fn bounds(&self) -> &[f32] {
+        self.bounds
+    }
+
+    #[inline]
+    pub(crate) fn vertex(&self, v: u32) -> &Vertex {
+        &self.vertices[(v - self.base) as usize]
+    }
+
+    #[inline]
+    pub(crate) fn vertex_mut(&mut self, v: u32) -> &mut Vertex {
+        &mut self.vertices[(v - self.base) as usize]
+    }
+
+    #[inline]
+    pub(crate) fn position(&self, v: u32) -> Vec3 {
+        self.vertex(v).position
+    }
+
+    #[inline]
+    pub(crate) fn flags(&self, v: u32) -> u8 {
+        self.flags[(v - self.base) as usize]
+    }
+
+    #[inline]
+    pub(crate) fn flags_mut(&mut self, v: u32) -> &mut u8 {
+        &mut self.flags[(v - self.base) as usize]
+    }
+
+    #[inline]
+    pub(crate) fn state(&self, v: u32) -> u8 {
+        self.flags(v) & STATE
+    }
+
+    #[inline]
+    pub(crate) fn bound(&self, v: u32) -> f32 {
+        self.bounds[(v - self.base) as usize]
+    }
+
+    #[inline]
+    pub(crate) fn bound_mut(&mut self, v: u32) -> &mut f32 {
+        &mut self.bounds[(v - self.base) as usize]
+    }
+}
+
+fn take_front<'a, T>(slice: &mut &'a mut [T], length: usize) -> &'a mut [T] {
+    let (front, rest) = std::mem::take(slice).split_at_mut(length);
+    *slice = rest;
+    front
+}
+
+/// Vertices and triangles of the buffer.
+#[derive(Debug, Default)]
+pub(crate) struct Portion {
+    pub(crate) vertices: Vec<Vertex>,
+    pub(crate) stars: Stars,
+    /// State and marks of each vertex.
+    pub(crate) flags: Vec<u8>,
+    /// At most the cost of the best collapse of each vertex; infinite where there is none.
+    pub(crate) bounds: Vec<f32>,
+    /// What tells when an open vertex has had its last triangle.
+    pub(crate) waiting: Vec<u32>,
+    /// Vertices not in use, the first of them last.
+    free: Vec<u32>,
+    num_triangles: usize,
+}
+
+impl Portion {
+    /// Room for so many vertices at first.
+    pub(crate) fn with_capacity(vertices: usize) -> Self {
+        let mut portion = Self::default();
+        portion.vertices.reserve_exact(vertices);
+        portion.flags.reserve_exact(vertices);
+        portion.bounds.reserve_exact(vertices);
+        portion.waiting.reserve_exact(vertices);
+        portion.stars.reserve_exact(vertices);
+        portion
+    }
+
+    /// Triangles in the buffer.
+    pub(crate) fn num_triangles(&self) -> usize {
+        self.num_triangles
+    }
+
+    /// Slots of vertices, in use or not.
+    pub(crate) fn num_slots(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Vertices in use.
+    pub(crate) fn num_vertices(&self) -> usize {
+        self.vertices.len() - self.free.len()
+    }
+
+    /// The state of a vertex.
+    #[inline]
+    pub(crate) fn state(&self, v: u32) -> u8 {
+        self.flags[v as usize] & STATE
+    }
+
+    /// Changes the state, and forgets the marks.
+    #[inline]
+    pub(crate) fn set_state(&mut self, v: u32, state: u8) {
+        self.flags[v as usize] = state;
+    }
+
+    #[inline]
+    pub(crate) fn position(&self, v: u32) -> Vec3 {
+        self.vertices[v as usize].position
+    }
+
+    /// A new vertex without triangles.
+    pub(crate) fn add_vertex(&mut self, position: Vec3) -> u32 {
+        let vertex = Vertex {
+            position,
+            quadric: Quadric::default(),
+            target: 0,
+            second: 0.0,
+            deviation: 0.0,
+        };
+        match self.free.pop() {
+            Some(v) => {
+                self.vertices[v as usize] = vertex;
+                self.flags[v as usize] = state::OPEN;
+                self.bounds[v as usize] = f32::INFINITY;
+                self.waiting[v as usize] = 0;
+                v
+            }
+            None => {
+                let v = self.vertices.len() as u32;
+                self.vertices.push(vertex);
+                self.flags.push(state::OPEN);
+                self.bounds.push(f32::INFINITY);
+                self.waiting.push(0);
+                self.stars.push();
+                v
+            }
+        }
+    }
+
+    /// Forgets a vertex without triangles.
+    #[inline]
+    pub(crate) fn remove_vertex(&mut self, v: u32) {
+        self.flags[v as usize] = state::FREE;
+        self.bounds[v as usize] = f32::INFINITY;
+        self.free.push(v);
+    }
+
+    /// Lets the slots that are free be taken in ascending order, so that neighbours in the stream stay neighbours in
+    /// memory.
+    pub(crate) fn sort_free_slots(&mut self) {
+        self.free.clear();
+        let slots = (0..self.flags.len() as u32).rev();
+        self.free.extend(slots.filter(|&v| self.flags[v as usize] == state::FREE));
+    }
+
+    /// All of it.
+    pub(crate) fn whole(&mut self) -> Window<'_> {
+        Window {
+            base: 0,
+            vertices: &mut self.vertices,
+            stars: self.stars.all(),
+            flags: &mut self.flags,
+            bounds: &mut self.bounds,
+        }
+    }
+
+    /// Cuts it into windows of so many vertices, the first of which has `offset` of them.
+    pub(crate) fn windows(&mut self, size: usize, offset: usize) -> Vec<Window<'_>> {
+        let count = self.num_slots();
+        let offset = offset.min(count);
+        let lengths = std::iter::once(offset)
+            .chain((offset..count).step_by(size).map(|from| size.min(count - from)));
+        let mut base = 0;
+        let (mut vertices, mut flags, mut bounds) =
+            (&mut self.vertices[..], &mut self.flags[..], &mut self.bounds[..]);
+        let stars = self.stars.slices(lengths.clone());
+        lengths
+            .zip(stars)
+            .map(|(length, stars)| {
+                let window = Window {
+                    base,
+                    vertices: take_front(&mut vertices, length),
+                    stars,
+                    flags: take_front(&mut flags, length),
+                    bounds: take_front(&mut bounds, length),
+                };
+                base += length as u32;
+                window
+            })
+            .collect()
+    }
+
+    /// Takes back vertices that lost their triangles in a window, and counts those triangles.
+    pub(crate) fn take_back(&mut self, removed: &[u32], triangles: usize) {
+        self.free.extend_from_slice(removed);
+        self.num_triangles -= triangles;
+    }
+
+    /// Gives the vertices new numbers: `order` names all that are in use, by their old numbers.
+    pub(crate) fn renumber(&mut self, order: &[u32]) {
+        let mut new_of = vec![u32::MAX; self.num_slots()];
+        for (new, &old) in order.iter().enumerate() {
+            new_of[old as usize] = new as u32;
+        }
+        fn permuted<T: Copy + Send + Sync>(old: &[T], order: &[u32]) -> Vec<T> {
+            order.par_iter().with_min_len(4096).map(|&v| old[v as usize]).collect()
+        }
+        self.vertices = permuted(&self.vertices, order);
+        for vertex in &mut self.vertices {
+            // A target that has gone was forgotten with its rating.
+            vertex.target = new_of.get(vertex.target as usize).copied().unwrap_or(u32::MAX);
+        }
+        self.flags = permuted(&self.flags, order);
+        self.bounds = permuted(&self.bounds, order);
+        self.waiting = permuted(&self.waiting, order);
+        self.stars.renumber(order, &new_of);
+        self.free.clear();
+    }
+
+    /// Counts triangles that came or went.
+    #[inline]
+    pub(crate) fn count_triangles(&mut self, come: usize, gone: usize) {
+        self.num_triangles = self.num_triangles + come - gone;
+    }
+
+    /// The share of a triangle, for any of its corners: the planes about that corner.
+    #[inline]
+    pub(crate) fn add_plane(&mut self, v: u32, plane: &Quadric) {
+        self.vertices[v as usize].quadric.merge(plane);
+    }
+
+    /// Triangles with an open corner.
+    pub(crate) fn num_waiting_triangles(&self) -> usize {
+        let open = |v: u32| self.state(v) == state::OPEN;
+        (0..self.num_slots() as u32)
+            .filter(|&v| open(v))
+            .map(|v| {
+                let fans = self.stars.fans(v);
+                // Counted at the first of its open corners.
+                fans.triangles().filter(|&(a, b)| !(a < v && open(a) || b < v && open(b))).count()
+            })
+            .sum()
+    }
+
+    /// Forgets the rating of a vertex and of its neighbours: one of them became a candidate.
+    pub(crate) fn unrate_around(&mut self, v: u32) {
+        for x in self.stars.fans(v).neighbours().chain([v]) {
+            let flags = &mut self.flags[x as usize];
+            if *flags & state::MAY_GO != 0 {
+                *flags |= STALE;
+                self.bounds[x as usize] = 0.0;
+            }
+        }
+    }
+
+    /// Checks every invariant.
+    #[cfg(test)]
+    pub(crate) fn validate(&self) -> Result<(), String> {
+        use std::collections::HashSet;
+        let mut triangles = HashSet::new();
+        for v in 0..self.num_slots() as u32 {
+            let fans = self.stars.fans(v);
+            let state = self.state(v);
+            if state == state::FREE {
+                if fans.len() > 0 {
+                    return Err(format!("vertex {v} is free and has triangles"));
+                }
+                continue;
+            }
+            if fans.len() == 0 {
+                return Err(format!("vertex {v} has no triangles"));
+            }
+            if (state == state::RING) != fans.is_ring() {
+                return Err(format!("vertex {v} is in state {state}, ring: {}", fans.is_ring()));
+            }
+            if state == state::BOUNDARY && fans.num_fans() != 1 {
+                return Err(format!("boundary vertex {v} has {} fans", fans.num_fans()));
+            }
+            let distinct: HashSet<u32> = fans.neighbours().collect();
+            if distinct.len() != fans.len() || distinct.contains(&v) {
+                return Err(format!("the neighbours of vertex {v} are not distinct"));
+            }
+            for (a, b) in fans.triangles() {
+                for [p, q, r] in [[a, b, v], [b, v, a]] {
+                    if !self.stars.fans(p).has_triangle(q, r) {
+                        return Err(format!("triangle {v} {a} {b} is unknown to vertex {p}"));
+                    }
+                }
+                triangles.insert([v, a, b]);
+            }
+        }
+        if triangles.len() != 3 * self.num_triangles {
+            return Err(format!("{} corners, {} triangles", triangles.len(), self.num_triangles));
+        }
+        Ok(())
+    }
+}

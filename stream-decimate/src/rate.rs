@@ -1,0 +1,360 @@
+//! Rating: what the best collapse of a vertex would cost (Garland and Heckbert 1997; Wu and Kobbelt 2003, §4.3).
+//!
+//! A collapse is rated by the least value of the two quadrics' sum, and puts the vertex left there: the place it would
+//! get at the end anyway. Only the best collapse that is legal and turns no triangle over counts.
+
+use glam::Vec3;
+use qem::{Batch, ErrorMetric, LANES, Quadric};
+
+use crate::Placement;
+use crate::portion::{Vertex, Window, state};
+
+/// Least cosine of the angle by which a collapse may turn a triangle.
+const LEAST_COSINE: f32 = 0.2;
+
+/// What moving the surface by a distance costs, as a share of that distance to the fourth power: the quadrics alone would
+/// cut off thin spikes and needles, which have no area to speak of.
+const DEVIATION_WEIGHT: f32 = 10.0;
+/// A deviation whose penalty is below this share of the cost is not measured any closer.
+const NEGLIGIBLE: f32 = 0.5;
+
+/// What a collapse may do.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rules {
+    pub(crate) placement: Placement,
+    /// How far the surface may move at most.
+    pub(crate) most_deviation: f32,
+}
+
+/// Neighbours rated without a list on the heap.
+const MOST_RATED: usize = 24;
+
+/// The best collapse of a vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rating {
+    /// Squared distance times area; infinite where there is no collapse.
+    pub(crate) cost: f32,
+    /// At most the cost of any other.
+    pub(crate) second: f32,
+    /// The neighbour that stays.
+    pub(crate) target: u32,
+    /// At most how far the surface around it will have moved; infinite if the collapse is forbidden, or if nobody asked.
+    pub(crate) deviation: f32,
+}
+
+const NONE: Rating = Rating {
+    cost: f32::INFINITY,
+    second: f32::INFINITY,
+    target: u32::MAX,
+    deviation: f32::INFINITY,
+};
+
+/// The cost of collapsing into one neighbour.
+#[derive(Clone, Copy, Debug)]
+struct Choice {
+    cost: f32,
+    target: u32,
+}
+
+/// The neighbours that a vertex may be collapsed into, with the costs.
+struct Choices {
+    few: [Choice; MOST_RATED],
+    many: Vec<Choice>,
+    len: usize,
+}
+
+impl Choices {
+    fn all(&mut self) -> &mut [Choice] {
+        if self.many.is_empty() { &mut self.few[..self.len] } else { &mut self.many }
+    }
+
+    fn push(&mut self, choice: Choice) {
+        if self.len < MOST_RATED {
+            self.few[self.len] = choice;
+        } else {
+            if self.many.is_empty() {
+                self.many.extend_from_slice(&self.few);
+            }
+            self.many.push(choice);
+        }
+        self.len += 1;
+    }
+}
+
+/// Rates a vertex that may go, whose present rating may be out of date: keeps to its target if that is still the best.
+/// The vertex and its neighbours have to be in the window; `None` if the neighbours of the best of them are not.
+pub(crate) fn confirm(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating> {
+    let &Vertex { target, second, .. } = window.vertex(v);
+    if !window.has_star(target) {
+        return None;
+    }
+    let (at, cost) = place(window, v, target, rules);
+    if cost <= second {
+        let deviation = checked(window, v, target, at, cost, rules);
+        let cost = cost + penalty(deviation);
+        if cost <= second && deviation < f32::INFINITY {
+            return Some(Rating { cost, second, target, deviation });
+        }
+    }
+    rate(window, v, rules)
+}
+
+/// Rates a vertex that may go. The vertex and its neighbours have to be in the window; `None` if the neighbours of one
+/// that may be the best of them are not.
+pub(crate) fn rate(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating> {
+    let mut choices = choices(window, v, rules);
+    let mut choices = choices.all();
+    let mut rating = NONE;
+    while let Some((best, Choice { cost, target })) = least(choices) {
+        if cost >= rating.cost {
+            rating.second = rating.second.min(cost);
+            break;
+        }
+        let last = choices.len() - 1;
+        choices.swap(best, last);
+        choices = &mut choices[..last];
+        if !window.has_star(target) {
+            return None;
+        }
+        let (at, cost) = place(window, v, target, rules);
+        let deviation = checked(window, v, target, at, cost, rules);
+        let cost = cost + penalty(deviation);
+        if cost < rating.cost {
+            rating = Rating { cost, second: rating.cost, target, deviation };
+        } else {
+            rating.second = rating.second.min(cost);
+        }
+    }
+    Some(rating)
+}
+
+/// What moving the surface so far costs.
+fn penalty(deviation: f32) -> f32 {
+    let squared = deviation * deviation;
+    DEVIATION_WEIGHT * squared * squared
+}
+
+/// At most how far the surface will have moved with a collapse of this cost; infinite if it is forbidden.
+fn checked(window: &Window<'_>, v: u32, u: u32, at: Vec3, cost: f32, rules: &Rules) -> f32 {
+    if !is_legal(window, v, u) {
+        return f32::INFINITY;
+    }
+    // Below this, a penalty would not matter.
+    let small = if rules.most_deviation < f32::INFINITY {
+        0.0
+    } else {
+        (NEGLIGIBLE * cost / DEVIATION_WEIGHT).sqrt().sqrt()
+    };
+    let deviation = deviation(window, v, u, at, small);
+    if deviation > rules.most_deviation { f32::INFINITY } else { deviation }
+}
+
+/// Why a vertex stayed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Forbidden {
+    /// It is on a boundary, or may only be collapsed into one.
+    Boundary,
+    /// The mesh would not stay what it is.
+    Topology,
+    /// A triangle would be turned over.
+    Flip,
+}
+
+/// Why a vertex stayed when no collapse was left.
+pub(crate) fn forbidden(window: &Window<'_>, v: u32, rules: &Rules) -> Forbidden {
+    if window.state(v) != state::RING {
+        return Forbidden::Boundary;
+    }
+    let mut choices = choices(window, v, rules);
+    match choices.all().iter().any(|choice| is_legal(window, v, choice.target)) {
+        true => Forbidden::Flip,
+        false => Forbidden::Topology,
+    }
+}
+
+/// The costs of collapsing a vertex into each of its neighbours, legal or not: calls `with` for each, and returns the
+/// least two.
+pub(crate) fn costs(
+    window: &Window<'_>,
+    v: u32,
+    rules: &Rules,
+    mut with: impl FnMut(u32, f32),
+) -> Rating {
+    let mut rating = NONE;
+    for &Choice { cost, target } in choices(window, v, rules).all().iter() {
+        with(target, cost);
+        if cost < rating.cost {
+            rating = Rating { cost, second: rating.cost, target, ..rating };
+        } else {
+            rating.second = rating.second.min(cost);
+        }
+    }
+    rating
+}
+
+fn choices(window: &Window<'_>, v: u32, rules: &Rules) -> Choices {
+    let nothing = Choice { cost: f32::INFINITY, target: u32::MAX };
+    let mut choices = Choices { few: [nothing; MOST_RATED], many: Vec::new(), len: 0 };
+    let fans = window.stars.fans(v);
+    if !fans.is_ring() {
+        for (first, last) in fans.ends().take(1) {
+            for u in [first, last] {
+                if window.state(u) & (state::BOUNDARY | state::FROZEN) != 0 {
+                    let (_, cost) = place(window, v, u, rules);
+                    choices.push(Choice { cost, target: u });
+                }
+            }
+        }
+        return choices;
+    }
+    let center = window.vertex(v);
+    let mut batch = Batch::default();
+    let mut targets = [0; LANES];
+    for i in 0..fans.len() {
+        let u = fans.at(i);
+        let takes = window.state(u);
+        if takes == state::RING && rules.placement == Placement::Optimal {
+            let other = window.vertex(u);
+            let at = other.position - center.position;
+            targets[batch.len()] = u;
+            batch.push(&other.quadric, at, 0.5 * at);
+        } else if takes & state::MAY_TAKE != 0 {
+            let (_, cost) = place(window, v, u, rules);
+            choices.push(Choice { cost, target: u });
+        }
+        if batch.len() == LANES || (i + 1 == fans.len() && !batch.is_empty()) {
+            let costs = batch.least_costs(&center.quadric);
+            for (cost, target) in costs.into_iter().zip(targets).take(batch.len()) {
+                choices.push(Choice { cost, target });
+            }
+            batch.clear();
+        }
+    }
+    choices
+}
+
+/// The first of the cheapest.
+#[inline]
+fn least(choices: &[Choice]) -> Option<(usize, Choice)> {
+    let (mut at, mut best) = (0, *choices.first()?);
+    for (i, &choice) in choices.iter().enumerate().skip(1) {
+        if choice.cost < best.cost {
+            (at, best) = (i, choice);
+        }
+    }
+    Some((at, best))
+}
+
+/// Where `u` would be with `v` collapsed into it, as seen from `u`; and the cost.
+#[inline]
+pub(crate) fn place(window: &Window<'_>, v: u32, u: u32, rules: &Rules) -> (Vec3, f32) {
+    let (from, to) = (window.vertex(v), window.vertex(u));
+    let step = from.position - to.position;
+    let both = merged(&to.quadric, &from.quadric, step);
+    if rules.placement == Placement::Subset || window.state(u) == state::FROZEN {
+        return (Vec3::ZERO, both.cost(Vec3::ZERO));
+    }
+    let both_on_boundary = window.state(v) == window.state(u);
+    let near = if both_on_boundary { 0.5 * step } else { Vec3::ZERO };
+    let at = both.optimum(near);
+    (at, both.cost(at))
+}
+
+/// The sum of two quadrics, the second of which is about a point at `step`.
+#[inline]
+pub(crate) fn merged(first: &Quadric, second: &Quadric, step: Vec3) -> Quadric {
+    let mut both = second.about(-step);
+    both.merge(first);
+    both
+}
+
+/// Whether the mesh stays a manifold of the same topology.
+fn is_legal(window: &Window<'_>, v: u32, u: u32) -> bool {
+    let (of_v, of_u) = (window.stars.fans(v), window.stars.fans(u));
+    let ring = of_v.is_ring();
+    // Link condition: no neighbours in common but the wings.
+    let wings = if ring { 2 } else { 1 };
+    if of_v.neighbours().filter(|&x| of_u.contains(x)).count() != wings {
+        return false;
+    }
+    let thin = |x: u32| {
+        if window.stars.is_long(window.stars.valence(x)) {
+            return false;
+        }
+        let fans = window.stars.fans(x);
+        if fans.is_ring() { fans.len() < 4 } else { fans.num_triangles() < 2 }
+    };
+    // What is left of the survivor.
+    let gone = 2 * wings;
+    let left = of_v.num_triangles() + of_u.num_triangles() - gone;
+    if left == 0 || (of_u.is_ring() && left < 3) {
+        return false;
+    }
+    of_v.neighbours().filter(|&x| of_u.contains(x)).all(|x| !thin(x))
+}
+
+/// At most how far the surface around `u` has moved once it is at `at`, as seen from where it is, and has taken `v`;
+/// infinite if that turns a triangle over.
+pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3, small: f32) -> f32 {
+    let (from, to) = (window.vertex(v), window.vertex(u));
+    let at = to.position + at;
+    for (center, own, without) in [(v, from.position, u), (u, to.position, v)] {
+        for (a, b) in window.stars.fans(center).triangles() {
+            if a == without || b == without {
+                continue;
+            }
+            let (a, b) = (window.position(a), window.position(b));
+            let before = (a - own).cross(b - own);
+            let after = (a - at).cross(b - at);
+            let cosine = before.dot(after);
+            let bound = LEAST_COSINE * LEAST_COSINE;
+            if cosine <= 0.0
+                || cosine * cosine <= bound * (before.length_squared() * after.length_squared())
+            {
+                return f32::INFINITY;
+            }
+        }
+    }
+    let before = from.deviation.max(to.deviation);
+    let enough = (small - before).max(0.0).powi(2);
+    let mut most = 0.0f32;
+    for p in [from.position - at, to.position - at] {
+        // Where it was is as far from the new surface as from the nearest of its triangles.
+        let mut least = p.length_squared();
+        'search: for (center, without) in [(v, u), (u, v)] {
+            for (a, b) in window.stars.fans(center).triangles() {
+                if least <= enough {
+                    break 'search;
+                }
+                if a != without && b != without {
+                    let (a, b) = (window.position(a) - at, window.position(b) - at);
+                    least = least.min(p.distance_squared(closest(a, b, p)));
+                }
+            }
+        }
+        most = most.max(least);
+    }
+    before + most.sqrt()
+}
+
+/// The point of the triangle `0 a b` that is closest to `p`.
+fn closest(a: Vec3, b: Vec3, p: Vec3) -> Vec3 {
+    let (aa, ab, bb, pa, pb) = (a.dot(a), a.dot(b), b.dot(b), p.dot(a), p.dot(b));
+    let determinant = aa * bb - ab * ab;
+    let (s, t) = (pa * bb - pb * ab, pb * aa - pa * ab);
+    if s >= 0.0 && t >= 0.0 && s + t <= determinant && determinant > 0.0 {
+        return (s * a + t * b) / determinant;
+    }
+    let on = |x: Vec3, xx: f32, px: f32| {
+        if xx > 0.0 { (px / xx).clamp(0.0, 1.0) * x } else { Vec3::ZERO }
+    };
+    let c = b - a;
+    let candidates = [on(a, aa, pa), on(b, bb, pb), a + on(c, c.dot(c), (p - a).dot(c))];
+    let mut best = candidates[0];
+    for x in candidates {
+        if x.distance_squared(p) < best.distance_squared(p) {
+            best = x;
+        }
+    }
+    best
+}

@@ -1,0 +1,471 @@
+//! Connectivity: around each vertex, its neighbours in counter-clockwise order.
+//!
+//! A [`Star`] is one cache line. It holds the fans of triangles about a vertex: neighbours `x₀ x₁ … xₙ` stand for the
+//! triangles `(v, x₀, x₁) … (v, xₙ₋₁, xₙ)`, the last neighbour of a fan is marked. When the one fan left closes, the mark
+//! goes, and the star is a ring: `(v, xₙ, x₀)` is a triangle too. A neighbour stands in a star once, however many fans
+//! there are, and `x` stands in the star of `v` exactly if `v` stands in the star of `x`.
+//!
+//! This says all of the triangles, and half of what a half-edge structure does in memory; triangles can come in any
+//! order, and a collapse is the splicing of one list into another.
+
+use rayon::prelude::*;
+
+/// Neighbours that fit into the cache line.
+const INLINE: usize = 15;
+/// Marks the last neighbour of a fan.
+const LAST: u32 = 1 << 31;
+
+/// The number of an entry without its mark.
+#[inline]
+fn id(entry: u32) -> u32 {
+    entry & !LAST
+}
+
+/// The fans of triangles about one vertex.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+struct Star {
+    /// The neighbours; where there are too many of them, the first entry is the number of a list elsewhere.
+    entries: [u32; INLINE],
+    len: u32,
+}
+
+const EMPTY: Star = Star { entries: [0; INLINE], len: 0 };
+
+/// What came of adding a triangle to a star.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Added {
+    /// There is still a fan with two ends.
+    Open,
+    /// The star is a ring now.
+    Ring,
+    /// One of the fans is a ring now, but there are others.
+    RingAndOthers,
+}
+
+/// Lists that are too long for a star.
+#[derive(Debug, Default)]
+struct Spill {
+    lists: Vec<Vec<u32>>,
+    /// Numbers of lists not in use.
+    free: Vec<u32>,
+}
+
+/// The stars of all vertices.
+#[derive(Debug, Default)]
+pub(crate) struct Stars {
+    stars: Vec<Star>,
+    spill: Spill,
+}
+
+/// The stars of the vertices from `base` on.
+///
+/// Of a part of the stars, only short ones can be read and written: see [`is_long`](Self::is_long).
+#[derive(Debug)]
+pub(crate) struct StarSlice<'a> {
+    base: u32,
+    stars: &'a mut [Star],
+    spill: Option<&'a mut Spill>,
+}
+
+/// The neighbours of one vertex, as a list of fans.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fans<'a>(&'a [u32]);
+
+impl<'a> Fans<'a> {
+    /// Number of neighbours.
+    #[inline]
+    pub(crate) fn len(self) -> usize {
+        self.0.len()
+    }
+
+    /// The neighbour at an index.
+    #[inline]
+    pub(crate) fn at(self, index: usize) -> u32 {
+        id(self.0[index])
+    }
+
+    /// All neighbours.
+    #[inline]
+    pub(crate) fn neighbours(self) -> impl Iterator<Item = u32> + Clone + 'a {
+        self.0.iter().map(|&e| id(e))
+    }
+
+    /// Whether this is one of them.
+    #[inline]
+    pub(crate) fn contains(self, neighbour: u32) -> bool {
+        self.0.iter().any(|&e| id(e) == neighbour)
+    }
+
+    /// Whether the star is a ring.
+    #[inline]
+    pub(crate) fn is_ring(self) -> bool {
+        self.0.last().is_some_and(|&e| e & LAST == 0)
+    }
+
+    /// Number of fans with two ends.
+    pub(crate) fn num_fans(self) -> usize {
+        self.0.iter().filter(|&&e| e & LAST != 0).count()
+    }
+
+    /// Number of triangles.
+    #[inline]
+    pub(crate) fn num_triangles(self) -> usize {
+        self.0.len() - self.num_fans()
+    }
+
+    /// The two other corners of each triangle, counter-clockwise.
+    #[inline]
+    pub(crate) fn triangles(self) -> impl Iterator<Item = (u32, u32)> + 'a {
+        let list = self.0;
+        let first = list.first().copied().unwrap_or(0);
+        list.iter().enumerate().filter_map(move |(i, &a)| {
+            (a & LAST == 0).then(|| (a, id(list.get(i + 1).copied().unwrap_or(first))))
+        })
+    }
+
+    /// Whether `(v, neighbour, ·)` is a triangle.
+    #[inline]
+    pub(crate) fn leads_to(self, neighbour: u32) -> bool {
+        self.0.contains(&neighbour)
+    }
+
+    /// Whether `(v, a, b)` is a triangle.
+    pub(crate) fn has_triangle(self, a: u32, b: u32) -> bool {
+        self.triangles().any(|t| t == (a, b))
+    }
+
+    /// The first and the last neighbour of each fan with two ends.
+    pub(crate) fn ends(self) -> impl Iterator<Item = (u32, u32)> + 'a {
+        let mut first = None;
+        self.0.iter().filter_map(move |&e| {
+            let start = *first.get_or_insert(id(e));
+            (e & LAST != 0).then(|| {
+                first = None;
+                (start, id(e))
+            })
+        })
+    }
+}
+
+impl Stars {
+    /// Reserves memory for so many vertices.
+    pub(crate) fn reserve_exact(&mut self, count: usize) {
+        self.stars.reserve_exact(count);
+    }
+
+    /// Adds a vertex without triangles.
+    pub(crate) fn push(&mut self) {
+        self.stars.push(EMPTY);
+    }
+
+    /// Gives the vertices new numbers: `order` names the old ones, `new_of` the new ones.
+    pub(crate) fn renumber(&mut self, order: &[u32], new_of: &[u32]) {
+        let new = |entry: &mut u32| *entry = new_of[id(*entry) as usize] | (*entry & LAST);
+        let renumbered = |&v: &u32| {
+            let mut star = self.stars[v as usize];
+            if star.len as usize <= INLINE {
+                star.entries[..star.len as usize].iter_mut().for_each(new);
+            }
+            star
+        };
+        self.stars = order.par_iter().with_min_len(4096).map(renumbered).collect();
+        self.spill.lists.iter_mut().flatten().for_each(new);
+    }
+
+    /// The fans of a vertex.
+    #[inline]
+    pub(crate) fn fans(&self, v: u32) -> Fans<'_> {
+        fans(&self.stars[v as usize], Some(&self.spill))
+    }
+
+    /// All of them.
+    #[inline]
+    pub(crate) fn all(&mut self) -> StarSlice<'_> {
+        StarSlice { base: 0, stars: &mut self.stars, spill: Some(&mut self.spill) }
+    }
+
+    /// Cuts them into slices whose lengths are given.
+    pub(crate) fn slices(&mut self, lengths: impl Iterator<Item = usize>) -> Vec<StarSlice<'_>> {
+        let (mut base, mut rest) = (0, &mut self.stars[..]);
+        lengths
+            .map(|length| {
+                let (stars, after) = std::mem::take(&mut rest).split_at_mut(length);
+                rest = after;
+                let slice = StarSlice { base, stars, spill: None };
+                base += length as u32;
+                slice
+            })
+            .collect()
+    }
+}
+
+#[inline]
+fn fans<'a>(star: &'a Star, spill: Option<&'a Spill>) -> Fans<'a> {
+    let len = star.len as usize;
+    if len <= INLINE {
+        Fans(&star.entries[..len])
+    } else {
+        Fans(spill.map_or(&[], |spill| &spill.lists[star.entries[0] as usize]))
+    }
+}
+
+impl StarSlice<'_> {
+    /// The fans of a vertex.
+    #[inline]
+    pub(crate) fn fans(&self, v: u32) -> Fans<'_> {
+        fans(&self.stars[(v - self.base) as usize], self.spill.as_deref())
+    }
+
+    /// Whether a star of so many neighbours is too long to be handled here.
+    #[inline]
+    pub(crate) fn is_long(&self, neighbours: usize) -> bool {
+        neighbours > INLINE && self.spill.is_none()
+    }
+
+    /// Number of neighbours of a vertex.
+    #[inline]
+    pub(crate) fn valence(&self, v: u32) -> usize {
+        self.stars[(v - self.base) as usize].len as usize
+    }
+
+    /// Number of neighbours of all vertices.
+    pub(crate) fn sum_of_lengths(&self) -> u32 {
+        self.stars.iter().fold(0, |sum, star| sum.wrapping_add(star.len))
+    }
+
+    #[inline]
+    fn star_mut(&mut self, v: u32) -> &mut Star {
+        &mut self.stars[(v - self.base) as usize]
+    }
+
+    /// The list of a vertex, to be changed in place.
+    #[inline]
+    fn list_mut(&mut self, v: u32) -> &mut [u32] {
+        let star = &mut self.stars[(v - self.base) as usize];
+        let len = star.len as usize;
+        if len <= INLINE {
+            &mut star.entries[..len]
+        } else {
+            match &mut self.spill {
+                Some(spill) => &mut spill.lists[star.entries[0] as usize],
+                None => &mut [],
+            }
+        }
+    }
+
+    /// Puts `new` where `count` entries from `at` are now.
+    fn splice(&mut self, v: u32, at: usize, count: usize, new: &[u32]) {
+        let star = &mut self.stars[(v - self.base) as usize];
+        let old_len = star.len as usize;
+        let len = old_len - count + new.len();
+        if old_len <= INLINE && len <= INLINE {
+            star.entries.copy_within(at + count..old_len, at + new.len());
+            star.entries[at..at + new.len()].copy_from_slice(new);
+        } else if let Some(spill) = &mut self.spill {
+            let mut list = if old_len <= INLINE {
+                star.entries[..old_len].to_vec()
+            } else {
+                spill.free.push(star.entries[0]);
+                std::mem::take(&mut spill.lists[star.entries[0] as usize])
+            };
+            list.splice(at..at + count, new.iter().copied());
+            if len <= INLINE {
+                star.entries[..len].copy_from_slice(&list);
+            } else {
+                let number = spill.free.pop().unwrap_or_else(|| {
+                    spill.lists.push(Vec::new());
+                    spill.lists.len() as u32 - 1
+                });
+                spill.lists[number as usize] = list;
+                star.entries[0] = number;
+            }
+        }
+        star.len = len as u32;
+    }
+
+    #[inline]
+    fn position(&self, v: u32, neighbour: u32) -> Option<usize> {
+        self.fans(v).0.iter().position(|&e| id(e) == neighbour)
+    }
+
+    /// Adds the triangle `(v, a, b)`. There must be none yet that has its edge `v→a` or `b→v`.
+    pub(crate) fn add(&mut self, v: u32, a: u32, b: u32) -> Added {
+        // A fan to lengthen ends in `a`, or begins with `b`.
+        match (self.position(v, a), self.position(v, b)) {
+            (None, None) => {
+                let end = self.fans(v).len();
+                self.splice(v, end, 0, &[a, b | LAST]);
+            }
+            (Some(i), None) => self.splice(v, i, 1, &[a, b | LAST]),
+            (None, Some(j)) => self.splice(v, j, 0, &[a]),
+            (Some(i), Some(j)) => {
+                let list = self.list_mut(v);
+                let start = list[..i].iter().rposition(|e| e & LAST != 0).map_or(0, |s| s + 1);
+                list[i] = a;
+                if start == j {
+                    if list.len() == i + 1 - j {
+                        return Added::Ring;
+                    }
+                    // The others stay in front, the ring goes to the end, where the lack of a mark tells it.
+                    list[j..].rotate_left(i + 1 - j);
+                    return Added::RingAndOthers;
+                } else if j > i {
+                    let end = j + list[j..].iter().position(|e| e & LAST != 0).unwrap_or(0);
+                    list[i + 1..=end].rotate_left(j - i - 1);
+                } else {
+                    let end = j + list[j..].iter().position(|e| e & LAST != 0).unwrap_or(0);
+                    list[j..=i].rotate_left(end + 1 - j);
+                }
+            }
+        }
+        Added::Open
+    }
+
+    /// Takes the fans but the last from a vertex, and returns the neighbours that stood in them, with their marks.
+    /// The last fan is the ring, if there is one.
+    pub(crate) fn take_all_but_last(&mut self, v: u32) -> Vec<u32> {
+        let list = self.fans(v).0;
+        let body = &list[..list.len().saturating_sub(1)];
+        let start = body.iter().rposition(|e| e & LAST != 0).map_or(0, |s| s + 1);
+        let taken = list[..start].to_vec();
+        self.splice(v, 0, start, &[]);
+        taken
+    }
+
+    /// Gives an empty star these fans, and puts `v` where `old` was in the stars of the neighbours.
+    pub(crate) fn adopt(&mut self, v: u32, old: u32, fans: &[u32]) {
+        self.splice(v, 0, 0, fans);
+        for &entry in fans {
+            self.rename(id(entry), old, v);
+        }
+    }
+
+    /// Puts `new` where `old` was.
+    #[inline]
+    pub(crate) fn rename(&mut self, v: u32, old: u32, new: u32) {
+        if let Some(entry) = self.list_mut(v).iter_mut().find(|e| id(**e) == old) {
+            *entry = new | (*entry & LAST);
+        }
+    }
+
+    /// Takes out a neighbour whose two triangles at `v` become one, or whose one triangle at an end of a fan goes.
+    #[inline]
+    fn close_gap(&mut self, v: u32, neighbour: u32) {
+        if let Some(i) = self.position(v, neighbour) {
+            let list = self.list_mut(v);
+            if list[i] & LAST != 0 && i > 0 {
+                list[i - 1] |= LAST;
+            }
+            self.splice(v, i, 1, &[]);
+        }
+    }
+
+    /// Collapses `v` into its neighbour `u` and empties the star of `v`.
+    ///
+    /// `v` is a ring, or one fan with `u` at one of its ends; the link condition holds.
+    pub(crate) fn collapse(&mut self, v: u32, u: u32) {
+        let star = *self.star_mut(v);
+        let ring = self.fans(v).is_ring();
+        let len = star.len as usize;
+        let mut long = Vec::new();
+        let entries: &[u32] = if len <= INLINE {
+            &star.entries[..len]
+        } else {
+            long.extend_from_slice(self.fans(v).0);
+            &long
+        };
+        let at = entries.iter().position(|&e| id(e) == u).unwrap_or(0);
+        // The neighbours that `u` gets, in order, and those at both sides of them.
+        let mut fan = [0; INLINE];
+        let mut long_fan = Vec::new();
+        let around: &mut [u32] = if len <= INLINE {
+            &mut fan[..len]
+        } else {
+            long_fan.resize(len, 0);
+            &mut long_fan
+        };
+        around.copy_from_slice(entries);
+        for e in around.iter_mut() {
+            *e = id(*e);
+        }
+        let (wings, between): ([Option<u32>; 2], &[u32]) = if ring {
+            around.rotate_left(at);
+            ([Some(around[1]), Some(around[len - 1])], &around[2..len - 1])
+        } else if at == 0 {
+            ([Some(around[1]), None], &around[2..])
+        } else {
+            ([None, Some(around[len - 2])], &around[..len - 2])
+        };
+        for &x in between {
+            self.rename(x, v, u);
+        }
+        for wing in wings.into_iter().flatten() {
+            self.close_gap(wing, v);
+        }
+        if between.is_empty() {
+            self.close_gap(u, v);
+        } else if let Some(i) = self.position(u, v) {
+            let last = self.fans(u).0[i] & LAST;
+            let mut marked = [0; INLINE];
+            if between.len() <= INLINE {
+                let marked = &mut marked[..between.len()];
+                marked.copy_from_slice(between);
+                marked[between.len() - 1] |= last;
+                self.splice(u, i, 1, marked);
+            } else {
+                let mut marked = between.to_vec();
+                marked[between.len() - 1] |= last;
+                self.splice(u, i, 1, &marked);
+            }
+        }
+        self.clear(v);
+    }
+
+    /// Takes all triangles of `v` out of the mesh; calls `left` with each neighbour and whether it has triangles still.
+    pub(crate) fn take_out(&mut self, v: u32, mut left: impl FnMut(u32, bool)) {
+        let neighbours: Vec<u32> = self.fans(v).neighbours().collect();
+        for x in neighbours {
+            self.cut_out(x, v);
+            left(x, self.valence(x) > 0);
+        }
+        self.clear(v);
+    }
+
+    /// Removes the one or two triangles of `x` that have `v` as a corner.
+    fn cut_out(&mut self, x: u32, v: u32) {
+        let Some(i) = self.position(x, v) else { return };
+        if self.fans(x).is_ring() {
+            let list = self.list_mut(x);
+            list.rotate_left(i + 1);
+            let len = list.len();
+            list[len - 2] |= LAST;
+            self.splice(x, len - 1, 1, &[]);
+            return;
+        }
+        let list = self.list_mut(x);
+        let begins = i == 0 || list[i - 1] & LAST != 0;
+        let ends = list[i] & LAST != 0;
+        // What is left on either side may be a single neighbour, which is no fan.
+        let lone_before = !begins && (i == 1 || list[i - 2] & LAST != 0);
+        let lone_after = !ends && list[i + 1] & LAST != 0;
+        if !begins && !lone_before {
+            list[i - 1] |= LAST;
+        }
+        let from = i - usize::from(lone_before);
+        let to = i + 1 + usize::from(lone_after);
+        self.splice(x, from, to - from, &[]);
+    }
+
+    /// Empties a star without a look at its neighbours.
+    fn clear(&mut self, v: u32) {
+        let star = *self.star_mut(v);
+        if star.len as usize > INLINE
+            && let Some(spill) = &mut self.spill
+        {
+            spill.lists[star.entries[0] as usize] = Vec::new();
+            spill.free.push(star.entries[0]);
+        }
+        self.star_mut(v).len = 0;
+    }
+}
