@@ -5,6 +5,8 @@ use std::io::Read;
 use fast_float2::FastFloat;
 use glam::Vec3;
 
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+
 use super::header::{Element, Kind, Property};
 use super::rows::{EXPORT_AGAIN, MissingRows};
 use crate::codec::input::{Input, LineEnd};
@@ -12,6 +14,12 @@ use crate::codec::plain::Plain;
 use crate::codec::text::{Fault, Tokens};
 use crate::frame::Framing;
 use crate::{Error, Frame};
+
+/// Bytes of text that a thread parses at a time.
+const PIECE: usize = 256 << 10;
+
+/// Bytes that most rows of coordinates take at least.
+const MIN_ROW: usize = 20;
 
 /// The next line that is not blank.
 #[inline]
@@ -117,7 +125,7 @@ pub(super) fn ascii_vertices<R: Read>(
     while (positions.len() as u64) < element.count {
         if let Some(frame) = &chosen
             && axes == [0, 1, 2]
-            && take_plain_points(input, frame, element.count, &mut positions)
+            && take_plain_points(input, frame, element.count, &mut positions)?
         {
             continue;
         }
@@ -135,26 +143,70 @@ pub(super) fn ascii_vertices<R: Read>(
     Ok((positions, chosen.unwrap_or_default()))
 }
 
-/// Takes rows that begin with plain coordinates straight from the window, up to `count` positions in all; says whether
-/// there was one.
+/// Takes rows that begin with plain coordinates straight from the window, on all threads of the current pool, up to
+/// `count` positions in all; says whether there was one.
 fn take_plain_points<R: Read>(
     input: &mut Input<R>,
     frame: &Frame,
     count: u64,
     positions: &mut Vec<Vec3>,
-) -> bool {
+) -> Result<bool, Error> {
+    if input.fill(PIECE)? >= PIECE {
+        input.fill(PIECE * rayon::current_num_threads())?;
+    }
+    let pieces = pieces(input.window());
     let before = positions.len();
-    let mut text = Plain::new(input.window());
+    let parse = |piece: &[u8], max| plain_points(piece, frame, max);
+    let most = usize::try_from(count).unwrap_or(usize::MAX) - before;
+    let parsed: Vec<_> = match *pieces {
+        [piece] => vec![parse(piece, most)],
+        _ => pieces.par_iter().map(|piece| parse(piece, most)).collect(),
+    };
     let mut taken = 0;
-    while (positions.len() as u64) < count {
+    for (piece, (mut points, mut bytes)) in pieces.into_iter().zip(parsed) {
+        let left = most - (positions.len() - before);
+        if points.len() > left {
+            // Other rows follow in this piece, which look like these.
+            (points, bytes) = parse(piece, left);
+        }
+        positions.extend(points);
+        taken += bytes;
+        if bytes < piece.len() {
+            break;
+        }
+    }
+    let rows = positions.len() - before;
+    input.consume_lines(taken, rows as u64);
+    Ok(rows > 0)
+}
+
+/// Cuts text into pieces that end with a line each, but for the last.
+fn pieces(mut text: &[u8]) -> Vec<&[u8]> {
+    let mut pieces = Vec::new();
+    while text.len() > PIECE
+        && let Some(line_end) = memchr::memchr(b'\n', &text[PIECE..])
+    {
+        let (piece, rest) = text.split_at(PIECE + line_end + 1);
+        pieces.push(piece);
+        text = rest;
+    }
+    pieces.push(text);
+    pieces
+}
+
+/// The positions of the rows, at most `max`, that come before the first that does not begin with plain coordinates, and
+/// the bytes these rows take.
+fn plain_points(rows: &[u8], frame: &Frame, max: usize) -> (Vec<Vec3>, usize) {
+    let mut positions = Vec::with_capacity((rows.len() / MIN_ROW).min(max));
+    let mut text = Plain::new(rows);
+    let mut taken = 0;
+    while positions.len() < max {
         let Some(position) = text.point(frame) else { break };
         let Some(_) = text.rest_of_line() else { break };
         positions.push(position);
         taken = text.at();
     }
-    let rows = positions.len() - before;
-    input.consume_lines(taken, rows as u64);
-    rows > 0
+    (positions, taken)
 }
 
 /// Takes rows that begin with a list of three plain indices below `num_vertices` straight from the window, at most `max`;

@@ -164,6 +164,47 @@ fn triangle_strips() {
     assert_eq!(mesh.triangles, [[1, 2, 0], [0, 2, 3], [0, 1, 2]]);
 }
 
+/// Text of several megabytes, with rows here and there that are not like the others.
+fn long_text(num_vertices: u32) -> (String, Vec<Vec3>) {
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {num_vertices}\nproperty float x\nproperty float y\n\
+         property float z\nproperty float w\nelement face {num_vertices}\n\
+         property list uchar int vertex_indices\nend_header\n"
+    );
+    let mut positions = Vec::new();
+    for v in 0..num_vertices {
+        let p = Vec3::new(v as f32 * 0.37, 1.0 / (v + 1) as f32, -((v % 1000) as f32));
+        positions.push(p);
+        text += &match v % 9973 {
+            5 => format!("\n \t {:e}  {:?}\t+{} x y\r\n", p.x, p.y, p.z).replace("+-", "-"),
+            // Longer than a piece of text is.
+            77 => format!("{} {} {} {}\n", p.x, p.y, p.z, "0 ".repeat(300_000)),
+            _ => format!("{} {} {} 0.5\n", p.x, p.y, p.z),
+        };
+    }
+    // Faces that look like vertices.
+    (0..num_vertices).for_each(|v| text += &format!("3 {v} {} 0\n", (v + 1) % num_vertices));
+    (text, positions)
+}
+
+#[test]
+fn any_number_of_threads_reads_long_text_alike() {
+    let (text, positions) = long_text(50_000);
+    for threads in [1, 2, 3, 16] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mesh = pool.install(|| read(&text, FORMAT).unwrap());
+        assert!(mesh.positions == positions, "{threads} threads");
+        assert!((0..50_000).all(|v| mesh.triangles[v as usize] == [v, (v + 1) % 50_000, 0]));
+    }
+    // The line is right far inside, and one row too few is one row too few.
+    let at = text.find("0 4").unwrap();
+    let line = text[..at].matches('\n').count() + 1;
+    let broken = format!("{}o{}", &text[..at], &text[at + 1..]);
+    assert!(refused(&broken, FORMAT).starts_with(&format!("test, line {line}: `")));
+    let short = &text[..text[..text.len() - 1].rfind('\n').unwrap()];
+    assert!(refused(short, FORMAT).contains("the last of its 50000 rows of `face`"));
+}
+
 #[test]
 fn points_without_faces_are_an_empty_mesh() {
     let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
