@@ -22,6 +22,7 @@ mod finality;
 mod insert;
 mod lookup;
 mod missed;
+mod new_star;
 mod options;
 mod portion;
 mod presort;

@@ -7,16 +7,15 @@ use glam::Vec3;
 use qem::{Batch, ErrorMetric, LANES, Quadric};
 
 use crate::Placement;
+use crate::new_star::NewStar;
 use crate::portion::{Vertex, Window, state};
-
-/// Least cosine of the angle by which a collapse may turn a triangle.
-const LEAST_COSINE: f32 = 0.2;
 
 /// What moving the surface by a distance costs, as a share of that distance to the fourth power: the quadrics alone would
 /// cut off thin spikes and needles, which have no area to speak of.
 const DEVIATION_WEIGHT: f32 = 10.0;
-/// A deviation whose penalty is below this share of the cost is not measured any closer.
-const NEGLIGIBLE: f32 = 0.5;
+
+/// A neighbour that was the best may cost so many times the second best before another one is looked for.
+pub(crate) const TOLERANCE: f32 = 3.0;
 
 /// What a collapse may do.
 #[derive(Clone, Copy, Debug)]
@@ -89,10 +88,11 @@ pub(crate) fn confirm(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rati
         return None;
     }
     let (at, cost) = place(window, v, target, rules);
-    if cost <= second {
-        let deviation = checked(window, v, target, at, cost, rules);
+    let tolerated = TOLERANCE * second;
+    if cost <= tolerated {
+        let deviation = checked(window, v, target, at, rules);
         let cost = cost + penalty(deviation);
-        if cost <= second && deviation < f32::INFINITY {
+        if cost <= tolerated && deviation < f32::INFINITY {
             return Some(Rating { cost, second, target, deviation });
         }
     }
@@ -117,7 +117,7 @@ pub(crate) fn rate(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating>
             return None;
         }
         let (at, cost) = place(window, v, target, rules);
-        let deviation = checked(window, v, target, at, cost, rules);
+        let deviation = checked(window, v, target, at, rules);
         let cost = cost + penalty(deviation);
         if cost < rating.cost {
             rating = Rating { cost, second: rating.cost, target, deviation };
@@ -134,18 +134,12 @@ fn penalty(deviation: f32) -> f32 {
     DEVIATION_WEIGHT * squared * squared
 }
 
-/// At most how far the surface will have moved with a collapse of this cost; infinite if it is forbidden.
-fn checked(window: &Window<'_>, v: u32, u: u32, at: Vec3, cost: f32, rules: &Rules) -> f32 {
+/// At most how far the surface will have moved with a collapse; infinite if it is forbidden.
+fn checked(window: &Window<'_>, v: u32, u: u32, at: Vec3, rules: &Rules) -> f32 {
     if !is_legal(window, v, u) {
         return f32::INFINITY;
     }
-    // Below this, a penalty would not matter.
-    let small = if rules.most_deviation < f32::INFINITY {
-        0.0
-    } else {
-        (NEGLIGIBLE * cost / DEVIATION_WEIGHT).sqrt().sqrt()
-    };
-    let deviation = deviation(window, v, u, at, small);
+    let deviation = deviation(window, v, u, at);
     if deviation > rules.most_deviation { f32::INFINITY } else { deviation }
 }
 
@@ -295,66 +289,16 @@ fn is_legal(window: &Window<'_>, v: u32, u: u32) -> bool {
 
 /// At most how far the surface around `u` has moved once it is at `at`, as seen from where it is, and has taken `v`;
 /// infinite if that turns a triangle over.
-pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3, small: f32) -> f32 {
+pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3) -> f32 {
     let (from, to) = (window.vertex(v), window.vertex(u));
     let at = to.position + at;
-    for (center, own, without) in [(v, from.position, u), (u, to.position, v)] {
+    let mut star = NewStar::new([from.position - at, to.position - at]);
+    for (center, own, without) in [(v, 0, u), (u, 1, v)] {
         for (a, b) in window.stars.fans(center).triangles() {
-            if a == without || b == without {
-                continue;
-            }
-            let (a, b) = (window.position(a), window.position(b));
-            let before = (a - own).cross(b - own);
-            let after = (a - at).cross(b - at);
-            let cosine = before.dot(after);
-            let bound = LEAST_COSINE * LEAST_COSINE;
-            if cosine <= 0.0
-                || cosine * cosine <= bound * (before.length_squared() * after.length_squared())
-            {
-                return f32::INFINITY;
+            if a != without && b != without {
+                star.push(window.position(a) - at, window.position(b) - at, own);
             }
         }
     }
-    let before = from.deviation.max(to.deviation);
-    let enough = (small - before).max(0.0).powi(2);
-    let mut most = 0.0f32;
-    for p in [from.position - at, to.position - at] {
-        // Where it was is as far from the new surface as from the nearest of its triangles.
-        let mut least = p.length_squared();
-        'search: for (center, without) in [(v, u), (u, v)] {
-            for (a, b) in window.stars.fans(center).triangles() {
-                if least <= enough {
-                    break 'search;
-                }
-                if a != without && b != without {
-                    let (a, b) = (window.position(a) - at, window.position(b) - at);
-                    least = least.min(p.distance_squared(closest(a, b, p)));
-                }
-            }
-        }
-        most = most.max(least);
-    }
-    before + most.sqrt()
-}
-
-/// The point of the triangle `0 a b` that is closest to `p`.
-fn closest(a: Vec3, b: Vec3, p: Vec3) -> Vec3 {
-    let (aa, ab, bb, pa, pb) = (a.dot(a), a.dot(b), b.dot(b), p.dot(a), p.dot(b));
-    let determinant = aa * bb - ab * ab;
-    let (s, t) = (pa * bb - pb * ab, pb * aa - pa * ab);
-    if s >= 0.0 && t >= 0.0 && s + t <= determinant && determinant > 0.0 {
-        return (s * a + t * b) / determinant;
-    }
-    let on = |x: Vec3, xx: f32, px: f32| {
-        if xx > 0.0 { (px / xx).clamp(0.0, 1.0) * x } else { Vec3::ZERO }
-    };
-    let c = b - a;
-    let candidates = [on(a, aa, pa), on(b, bb, pb), a + on(c, c.dot(c), (p - a).dot(c))];
-    let mut best = candidates[0];
-    for x in candidates {
-        if x.distance_squared(p) < best.distance_squared(p) {
-            best = x;
-        }
-    }
-    best
+    from.deviation.max(to.deviation) + star.finish()
 }

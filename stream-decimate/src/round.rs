@@ -259,8 +259,7 @@ fn can_collapse_here(window: &Window<'_>, v: u32, u: u32) -> bool {
 /// Collapses `v` into `u`.
 fn collapse(window: &mut Window<'_>, v: u32, u: u32, known: f32, rules: &Rules) {
     let (at, _) = rate::place(window, v, u, rules);
-    let deviation =
-        if known < f32::INFINITY { known } else { rate::deviation(window, v, u, at, 0.0) };
+    let deviation = if known < f32::INFINITY { known } else { rate::deviation(window, v, u, at) };
     let from = *window.vertex(v);
     let to = window.vertex_mut(u);
     let both = rate::merged(&to.quadric, &from.quadric, from.position - to.position);
@@ -302,7 +301,7 @@ fn correct_bounds(
             vertex.target = u;
             let second = vertex.second;
             let cost = costs.iter().find(|c| c.0 == x).map_or(second, |c| c.1);
-            if cost > second {
+            if cost > rate::TOLERANCE * second {
                 *window.flags_mut(x) |= STALE;
             }
             let bound = window.bound_mut(x);
