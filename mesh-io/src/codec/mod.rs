@@ -6,7 +6,7 @@ pub(crate) mod packing;
 
 #[cfg(any(feature = "ply", feature = "obj"))]
 pub(crate) mod indexed;
-#[cfg(any(feature = "ply", feature = "obj"))]
+#[cfg(any(feature = "stl", feature = "ply", feature = "obj"))]
 pub(crate) mod plain;
 #[cfg(any(feature = "ply", feature = "obj"))]
 pub(crate) mod polygon;

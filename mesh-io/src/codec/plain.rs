@@ -38,7 +38,7 @@ impl<'a> Plain<'a> {
     }
 
     #[inline]
-    fn skip_blanks(&mut self) -> Option<()> {
+    pub(crate) fn skip_blanks(&mut self) -> Option<()> {
         while is_blank(self.byte()?) {
             self.at += 1;
         }

@@ -6,7 +6,8 @@ use glam::Vec3;
 
 use super::{HEADER_BYTES, RECORD_BYTES};
 use crate::codec::input::{Input, LineEnd};
-use crate::codec::text::{Fault, Tokens, trim_start};
+use crate::codec::plain::Plain;
+use crate::codec::text::{Fault, Tokens, is_blank, trim_start};
 use crate::codec::weld::Welder;
 use crate::frame::Framing;
 use crate::{Error, Frame, IndexedMesh, Place, Triangle, TriangleSource};
@@ -18,6 +19,9 @@ const PROBE_BYTES: usize = 1024;
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 const EXPORT_AGAIN: &str = "correct that place or export the mesh again";
+
+/// From `facet` to `endfacet`.
+const LINES_OF_FACET: usize = 7;
 
 enum Content {
     /// Records from here on; `declared` is the header's count, `exact` says that the file's size agrees with it.
@@ -145,12 +149,36 @@ impl<R: Read> StlReader<R> {
 
     fn read_ascii(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
         let before = out.len();
-        while out.len() - before < max
-            && let Some(triangle) = self.take_line()?
-        {
-            out.extend(triangle);
+        loop {
+            self.take_plain_facets(out, max - (out.len() - before));
+            if out.len() - before == max {
+                break;
+            }
+            match self.take_line()? {
+                Some(triangle) => out.extend(triangle),
+                None => break,
+            }
         }
         Ok(out.len() - before)
+    }
+
+    /// Takes facets as almost all are written straight from the window, at most `max`.
+    fn take_plain_facets(&mut self, out: &mut Vec<Triangle>, max: usize) {
+        let Content::Ascii(Solid { frame: Some(frame), inside: true, facet: None, .. }) =
+            &self.content
+        else {
+            return;
+        };
+        let mut text = Plain::new(self.input.window());
+        let (mut facets, mut taken) = (0, 0);
+        while facets < max
+            && let Some(triangle) = plain_facet(&mut text, frame)
+        {
+            out.push(triangle);
+            facets += 1;
+            taken = text.at();
+        }
+        self.input.consume_lines(taken, (facets * LINES_OF_FACET) as u64);
     }
 }
 
@@ -264,6 +292,32 @@ impl Solid {
         let word = String::from_utf8_lossy(&word[..word.len().min(40)]);
         Err(format!("`{word}` where {expected} should be"))
     }
+}
+
+/// A facet in seven lines and in small letters.
+#[inline]
+fn plain_facet(text: &mut Plain<'_>, frame: &Frame) -> Option<Triangle> {
+    pass_line(text, b"facet")?;
+    pass_line(text, b"outer")?;
+    let mut triangle = [Vec3::ZERO; 3];
+    for corner in &mut triangle {
+        text.skip_blanks()?;
+        text.skip(b"vertex ")?;
+        *corner = text.point(frame)?;
+        text.rest_of_line()?;
+    }
+    pass_line(text, b"endloop")?;
+    pass_line(text, b"endfacet")?;
+    Some(triangle)
+}
+
+/// Passes over a line that begins with this word.
+#[inline]
+fn pass_line(text: &mut Plain<'_>, word: &[u8]) -> Option<()> {
+    text.skip_blanks()?;
+    text.skip(word)?;
+    let rest = text.rest_of_line()?;
+    rest.first().is_none_or(|&byte| is_blank(byte)).then_some(())
 }
 
 fn describe(fault: Fault) -> String {

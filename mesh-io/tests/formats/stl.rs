@@ -3,7 +3,7 @@
 use glam::Vec3;
 use mesh_io::{Error, Format, Place, TriangleSource, open_source, read_mesh, source_from};
 
-use crate::support::{bytes_of, drain, read, refused, stream, tetrahedron};
+use crate::support::{bits, bytes_of, drain, read, refused, stream, tetrahedron};
 
 const ONE: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n\
                    vertex 0 1 0\nendloop\nendfacet\nendsolid a\n";
@@ -134,4 +134,35 @@ fn errors_tell_the_line() {
         let message = refused(&text, Format::StlAscii);
         assert!(message.starts_with(expected), "{message}");
     }
+}
+
+#[test]
+fn long_text_with_odd_facets_here_and_there() {
+    let mut text = "solid a name\n".to_owned();
+    let mut soup = Vec::new();
+    for i in 0..20_000u16 {
+        let x = f32::from(i) * 0.1;
+        let triangle =
+            [Vec3::new(x, 1e-7, -x), Vec3::new(x + 1.0, 2.0, 0.5), Vec3::new(x, 3.0, 1e9)];
+        soup.push(triangle);
+        let vertex = |p: Vec3| format!("   vertex {} {} {:e}\n", p.x, p.y, p.z);
+        let [a, b, c] = triangle.map(vertex);
+        let facet = format!(" facet normal 0 0 1\n  outer loop\n{a}{b}{c}  endloop\n endfacet\n");
+        text += &match i % 977 {
+            3 => facet.to_uppercase(),
+            4 => facet.replace("vertex ", "vertex\t").replace('\n', "\r\n"),
+            5 => format!("endsolid\n\nsolid\n{facet}"),
+            6 => facet.replace("  outer loop\n", "").replace("  endloop\n", "\n"),
+            _ => facet,
+        };
+    }
+    text += "endsolid a name\n";
+    for max in [1, 4, 100_000] {
+        assert_eq!(bits(&stream(text.as_bytes(), Format::StlAscii, max).unwrap()), bits(&soup));
+    }
+    let at = text.rfind("endloop").unwrap();
+    let line = text[..at].matches('\n').count() + 1;
+    let broken = format!("{}x{}", &text[..at + 7], &text[at + 7..]);
+    let expected = format!("test, line {line}: `endloopx` where `vertex` or `endfacet` should be");
+    assert!(refused(&broken, Format::StlAscii).starts_with(&expected));
 }
