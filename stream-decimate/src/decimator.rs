@@ -214,7 +214,7 @@ impl StreamDecimator {
         }
         let target = self.target.triangles(self.read);
         let goal = target.map_or(0, |target| target.saturating_sub(self.written)) as usize;
-        self.settle_and_run(goal, 0);
+        self.settle_and_run(goal, 0, goal as f64);
         let output = self.written + self.portion.num_triangles() as u64;
         let missed = target.filter(|&target| output > target).map(|target| {
             missed::reasons(&mut self.portion, output - target, &self.decimation.rules)
@@ -291,7 +291,7 @@ impl StreamDecimator {
         let most = self.capacity - self.capacity / 4;
         let kept = if rest <= self.capacity as f64 { rest.min(most as f64) } else { 0.0 };
         let goal = half.max(level.max(kept) as usize);
-        self.settle_and_run(goal, slack);
+        self.settle_and_run(goal, slack, self.ratio * self.read as f64);
         // Written late and much at a time: what stays can still be decimated, and has few frozen vertices.
         if self.filling() > 0.875 {
             let left = self.portion.num_triangles() as f64 * 0.5 / self.filling();
@@ -306,13 +306,15 @@ impl StreamDecimator {
         Ok(())
     }
 
-    /// Makes candidates of all vertices that have become complete, and decimates.
-    fn settle_and_run(&mut self, goal: usize, slack: usize) {
+    /// Makes candidates of all vertices that have become complete, and decimates to the goal; `level` is the number of
+    /// triangles that those read will have become in the end.
+    fn settle_and_run(&mut self, goal: usize, slack: usize, level: f64) {
         let Self { portion, inserter, decimation, pool, .. } = self;
         inserter.settle(portion);
         pool.install(|| {
             reorder(portion);
             round::rate_new(portion, &decimation.rules);
+            decimation.sweep(portion, goal.max((round::SWEPT * level) as usize));
             decimation.run(portion, goal, slack);
         });
     }

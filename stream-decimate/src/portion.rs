@@ -29,6 +29,8 @@ pub(crate) mod state {
 pub(crate) const STALE: u8 = 16;
 /// The rating is older than the neighbourhood: the target may cost more by now, or be forbidden.
 pub(crate) const UNSURE: u8 = 32;
+/// It has taken another vertex in this sweep.
+pub(crate) const TAKEN: u8 = 64;
 /// The bits of the state.
 const STATE: u8 = 15;
 
@@ -82,6 +84,11 @@ impl Window<'_> {
     /// The number of the first vertex.
     pub(crate) fn base(&self) -> u32 {
         self.base
+    }
+
+    /// The numbers of its vertices.
+    pub(crate) fn range(&self) -> std::ops::Range<u32> {
+        self.base..self.base + self.vertices.len() as u32
     }
 
     /// Bounds of all vertices.

@@ -14,14 +14,18 @@ use rand::rngs::Xoshiro256PlusPlus;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
-use crate::portion::{Portion, STALE, UNSURE, Window, state};
+use crate::portion::{Portion, STALE, TAKEN, UNSURE, Window, state};
 use crate::rate::{self, Rules};
 use crate::reorder::reorder;
 
 /// Vertices in a window: their data fits into a core's second-level cache.
-const WINDOW: usize = 2048;
+const WINDOW: usize = 4096;
 /// One of so many rounds looks at what lies across the borders of windows.
-const ACROSS: usize = 4;
+const ACROSS: usize = 2;
+/// Triangles at which sweeps end, as a multiple of those wanted in the end.
+pub(crate) const SWEPT: f64 = 4.0;
+/// A vertex that has been rated in a sweep may cost so many times the threshold.
+const LENIENCE: f32 = 16.0;
 /// Vertices looked at to find a threshold.
 const SAMPLES: usize = 2048;
 /// Least rank in the sample that makes a good threshold.
@@ -59,6 +63,33 @@ impl Decimation {
         }
     }
 
+    /// Decimates down to about this number of triangles, in sweeps: far from the target, where many collapses cost
+    /// next to nothing compared to those that will follow, their order matters little.
+    pub(crate) fn sweep(&mut self, portion: &mut Portion, goal: usize) {
+        while portion.num_triangles() > goal {
+            if 4 * portion.num_vertices() < 3 * portion.num_slots() {
+                reorder(portion);
+            }
+            let wanted = (portion.num_triangles() - goal).div_ceil(2);
+            let Some(threshold) = self.threshold(portion, 4 * wanted, 2) else { return };
+            self.num_rounds += 1;
+            let rules = self.rules;
+            let offset = if self.num_rounds % 2 == 0 { WINDOW / 2 } else { WINDOW };
+            let outcomes: Vec<Outcome> = portion
+                .windows(WINDOW, offset)
+                .into_par_iter()
+                .map(|mut window| sweep_window(&mut window, threshold, &rules))
+                .collect();
+            let before = portion.num_triangles();
+            for outcome in outcomes {
+                portion.take_back(&outcome.removed, outcome.triangles);
+            }
+            if before - portion.num_triangles() < before / 64 {
+                return;
+            }
+        }
+    }
+
     /// Decimates down to this number of triangles, or by so many more as `slack` says less; false if there is no
     /// collapse left before that.
     pub(crate) fn run(&mut self, portion: &mut Portion, goal: usize, slack: usize) -> bool {
@@ -69,7 +100,7 @@ impl Decimation {
             let wanted = (portion.num_triangles() - goal).div_ceil(2);
             let threshold = match portion.num_triangles() - goal {
                 1 => cheapest_on_boundary(portion),
-                _ => self.threshold(portion, wanted),
+                _ => self.threshold(portion, wanted, self.candidates),
             };
             let Some(threshold) = threshold else { return false };
             if !self.round(portion, threshold, goal) {
@@ -81,7 +112,7 @@ impl Decimation {
 
     /// The cost below which there are the candidates' share of all vertices; or `wanted` of them, if that is less.
     /// `None` if there are no candidates.
-    fn threshold(&mut self, portion: &Portion, wanted: usize) -> Option<f32> {
+    fn threshold(&mut self, portion: &Portion, wanted: usize, candidates: usize) -> Option<f32> {
         let bounds = &portion.bounds;
         self.sample.clear();
         let draws = SAMPLES.min(bounds.len());
@@ -93,11 +124,11 @@ impl Decimation {
         }
         // A little less than wanted, since a sample is only a sample.
         let of_wanted = wanted * draws / bounds.len().max(1);
-        let mut rank = (of_wanted * 7 / 8).min(self.sample.len() / self.candidates);
+        let mut rank = (of_wanted * 7 / 8).min(self.sample.len() / candidates);
         if rank < LEAST_RANK {
             self.sample.clear();
             self.sample.extend(bounds.iter().filter(|&&b| b < f32::INFINITY));
-            rank = wanted.min(self.sample.len().div_ceil(self.candidates));
+            rank = wanted.min(self.sample.len().div_ceil(candidates));
         }
         if self.sample.is_empty() {
             return None;
@@ -172,6 +203,46 @@ fn accept(window: &mut Window<'_>, v: u32, rating: &rate::Rating) {
     *window.flags_mut(v) &= !(STALE | UNSURE);
     let vertex = window.vertex_mut(v);
     (vertex.target, vertex.second) = (rating.target, rating.second);
+}
+
+/// Goes through a window once, rates each vertex that may cost no more than the threshold, and collapses it right away
+/// unless it costs much more; a vertex takes only one other.
+fn sweep_window(window: &mut Window<'_>, threshold: f32, rules: &Rules) -> Outcome {
+    let mut outcome = Outcome::default();
+    for v in window.range() {
+        if window.bound(v) > threshold || window.flags(v) & TAKEN != 0 || !window.has_star(v) {
+            continue;
+        }
+        let Some(rating) = rate::rate(window, v, rules) else { continue };
+        let u = rating.target;
+        if rating.cost > LENIENCE * threshold {
+            accept(window, v, &rating);
+            continue;
+        }
+        if !can_collapse_here(window, v, u) {
+            continue;
+        }
+        outcome.triangles += if window.state(v) == state::RING { 2 } else { 1 };
+        outcome.removed.push(v);
+        collapse(window, v, u, rating.deviation, rules);
+        for i in 0..window.stars.valence(u) {
+            let x = window.stars.fans(u).at(i);
+            if window.state(x) & state::MAY_GO != 0 {
+                *window.flags_mut(x) |= STALE;
+                if window.bound(x) == f32::INFINITY {
+                    *window.bound_mut(x) = threshold;
+                }
+            }
+        }
+        *window.flags_mut(u) |= STALE | TAKEN;
+        if window.state(u) & state::MAY_GO != 0 {
+            *window.bound_mut(u) = rating.cost;
+        }
+    }
+    for v in window.range() {
+        *window.flags_mut(v) &= !TAKEN;
+    }
+    outcome
 }
 
 /// Performs the collapses of a window, the cheapest first, until `most` triangles are gone.
