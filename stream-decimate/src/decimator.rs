@@ -22,6 +22,9 @@ const TICK: u64 = 64;
 /// Triangles written at a time.
 const BATCH: usize = 1 << 14;
 
+/// The share of the largest error asked for that the decimation may find: it does not look at every point.
+const MARGIN: f32 = 0.9;
+
 /// What to do when waiting triangles crowd the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WhenCrowded {
@@ -106,7 +109,7 @@ impl StreamDecimator {
             (Target::MaxError(_), _) => 0.0,
         };
         let most_deviation = match options.target {
-            Target::MaxError(most) => most as f32,
+            Target::MaxError(most) => MARGIN * most as f32,
             _ => f32::INFINITY,
         };
         let rules = Rules { placement: options.placement, most_deviation };
@@ -314,7 +317,10 @@ impl StreamDecimator {
         pool.install(|| {
             reorder(portion);
             round::rate_new(portion, &decimation.rules);
-            decimation.sweep(portion, goal.max((round::SWEPT * level) as usize));
+            // What a limit leaves undecided until each collapse is tried is no matter for sweeps.
+            if !decimation.rules.has_limit() {
+                decimation.sweep(portion, goal.max((round::SWEPT * level) as usize));
+            }
             decimation.run(portion, goal, slack);
         });
     }

@@ -15,6 +15,7 @@
 //! # Ok::<(), stream_decimate::OptionsError>(())
 //! ```
 
+mod careful;
 mod decimator;
 mod error;
 mod external;

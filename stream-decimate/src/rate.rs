@@ -7,6 +7,7 @@ use glam::Vec3;
 use qem::{Batch, ErrorMetric, LANES, Quadric};
 
 use crate::Placement;
+use crate::careful::{self, Patch};
 use crate::new_star::NewStar;
 use crate::portion::{Vertex, Window, state};
 
@@ -23,6 +24,13 @@ pub(crate) struct Rules {
     pub(crate) placement: Placement,
     /// How far the surface may move at most.
     pub(crate) most_deviation: f32,
+}
+
+impl Rules {
+    /// Whether there is a limit to how far the surface may move.
+    pub(crate) fn has_limit(&self) -> bool {
+        self.most_deviation < f32::INFINITY
+    }
 }
 
 /// Neighbours rated without a list on the heap.
@@ -139,7 +147,7 @@ fn checked(window: &Window<'_>, v: u32, u: u32, at: Vec3, rules: &Rules) -> f32 
     if !is_legal(window, v, u) {
         return f32::INFINITY;
     }
-    let deviation = deviation(window, v, u, at);
+    let deviation = deviation(window, v, u, at, rules);
     if deviation > rules.most_deviation { f32::INFINITY } else { deviation }
 }
 
@@ -289,7 +297,7 @@ fn is_legal(window: &Window<'_>, v: u32, u: u32) -> bool {
 
 /// At most how far the surface around `u` has moved once it is at `at`, as seen from where it is, and has taken `v`;
 /// infinite if that turns a triangle over.
-pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3) -> f32 {
+pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3, rules: &Rules) -> f32 {
     let (from, to) = (window.vertex(v), window.vertex(u));
     let at = to.position + at;
     let mut star = NewStar::new([from.position - at, to.position - at]);
@@ -300,5 +308,27 @@ pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3) -> f32 {
             }
         }
     }
-    from.deviation.max(to.deviation) + star.finish()
+    let moved = star.finish();
+    let before = from.deviation.max(to.deviation);
+    if rules.has_limit() && before + moved <= rules.most_deviation {
+        let most = rules.most_deviation - before;
+        return before + moved.max(careful_distance(window, v, u, at, most));
+    }
+    before + moved
+}
+
+/// How far the surface moves with a collapse, as closely as is worth while where there is a limit.
+fn careful_distance(window: &Window<'_>, v: u32, u: u32, at: Vec3, most: f32) -> f32 {
+    let mut before = [v, u].map(|center| Patch::new(window.position(center)));
+    let mut after = Patch::new(at);
+    for (patch, center, without) in [(0, v, u), (1, u, v)] {
+        for (a, b) in window.stars.fans(center).triangles() {
+            let [p, q] = [a, b].map(|x| window.position(x));
+            before[patch].push(p, q);
+            if a != without && b != without {
+                after.push(p, q);
+            }
+        }
+    }
+    careful::distance(&before, &[after], most)
 }

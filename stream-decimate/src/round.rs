@@ -330,7 +330,8 @@ fn can_collapse_here(window: &Window<'_>, v: u32, u: u32) -> bool {
 /// Collapses `v` into `u`.
 fn collapse(window: &mut Window<'_>, v: u32, u: u32, known: f32, rules: &Rules) {
     let (at, _) = rate::place(window, v, u, rules);
-    let deviation = if known < f32::INFINITY { known } else { rate::deviation(window, v, u, at) };
+    let deviation =
+        if known < f32::INFINITY { known } else { rate::deviation(window, v, u, at, rules) };
     let from = *window.vertex(v);
     let to = window.vertex_mut(u);
     let both = rate::merged(&to.quadric, &from.quadric, from.position - to.position);
@@ -338,6 +339,14 @@ fn collapse(window: &mut Window<'_>, v: u32, u: u32, known: f32, rules: &Rules) 
     to.position += at;
     to.deviation = deviation;
     window.stars.collapse(v, u);
+    if rules.has_limit() {
+        // The triangles of the new star are some of their neighbours', too.
+        for i in 0..window.stars.valence(u) {
+            let x = window.stars.fans(u).at(i);
+            let neighbour = window.vertex_mut(x);
+            neighbour.deviation = neighbour.deviation.max(deviation);
+        }
+    }
     *window.flags_mut(v) = state::FREE;
     *window.bound_mut(v) = f32::INFINITY;
 }
@@ -362,9 +371,11 @@ fn correct_bounds(
         }
         *flags |= UNSURE;
         if window.bound(x) == f32::INFINITY {
-            // What was forbidden may be allowed now.
-            *window.flags_mut(x) |= STALE;
-            retry.push(x);
+            // What was forbidden may be allowed now; but not what moved the surface too far, as a rule.
+            if !rules.has_limit() {
+                *window.flags_mut(x) |= STALE;
+                retry.push(x);
+            }
             continue;
         }
         let vertex = window.vertex_mut(x);
