@@ -17,9 +17,12 @@
 
 mod careful;
 mod decimator;
+mod deviation;
+mod distance;
 mod error;
 mod external;
 mod finality;
+mod greedy;
 mod insert;
 mod lookup;
 mod missed;
@@ -39,6 +42,7 @@ mod write;
 
 pub use decimator::StreamDecimator;
 pub use error::Error;
+pub use greedy::decimate_greedy;
 pub use options::{DecimateOptions, OptionsError, Placement, Target};
 pub use progress::{Observer, Progress, Stage};
 pub use report::{DecimateReport, MissedTarget, Repairs};
