@@ -23,7 +23,7 @@ const TICK: u64 = 64;
 const BATCH: usize = 1 << 14;
 
 /// The share of the largest error asked for that the decimation may find: it does not look at every point.
-const MARGIN: f32 = 0.9;
+const MARGIN: f32 = 0.85;
 
 /// What to do when waiting triangles crowd the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -316,7 +316,6 @@ impl StreamDecimator {
         inserter.settle(portion);
         pool.install(|| {
             reorder(portion);
-            round::rate_new(portion, &decimation.rules);
             // What a limit leaves undecided until each collapse is tried is no matter for sweeps.
             if !decimation.rules.has_limit() {
                 decimation.sweep(portion, goal.max((round::SWEPT * level) as usize));

@@ -137,6 +137,29 @@ impl Window<'_> {
     }
 }
 
+/// Puts items in the order given, in place: along each cycle of the permutation, each item goes to where the one before
+/// was.
+pub(crate) fn permute<T: Copy>(items: &mut [T], order: &[u32]) {
+    let mut done = vec![false; items.len()];
+    for start in 0..items.len() {
+        if done[start] {
+            continue;
+        }
+        let first = items[start];
+        let mut at = start;
+        loop {
+            done[at] = true;
+            let from = order[at] as usize;
+            if from == start {
+                break;
+            }
+            items[at] = items[from];
+            at = from;
+        }
+        items[at] = first;
+    }
+}
+
 fn take_front<'a, T>(slice: &mut &'a mut [T], length: usize) -> &'a mut [T] {
     let (front, rest) = std::mem::take(slice).split_at_mut(length);
     *slice = rest;
@@ -291,24 +314,32 @@ impl Portion {
         self.num_triangles -= triangles;
     }
 
-    /// Gives the vertices new numbers: `order` names all that are in use, by their old numbers.
-    pub(crate) fn renumber(&mut self, order: &[u32]) {
-        let mut new_of = vec![u32::MAX; self.num_slots()];
-        for (new, &old) in order.iter().enumerate() {
+    /// Gives the vertices new numbers, in place: `order` names all slots by their old numbers, the first `used` of which
+    /// are in use.
+    pub(crate) fn renumber(&mut self, order: &[u32], used: usize) {
+        let mut new_of = vec![u32::MAX; order.len()];
+        for (new, &old) in order[..used].iter().enumerate() {
             new_of[old as usize] = new as u32;
         }
-        fn permuted<T: Copy + Send + Sync>(old: &[T], order: &[u32]) -> Vec<T> {
-            order.par_iter().with_min_len(4096).map(|&v| old[v as usize]).collect()
-        }
-        self.vertices = permuted(&self.vertices, order);
-        for vertex in &mut self.vertices {
+        let Self { vertices, stars, flags, bounds, waiting, .. } = self;
+        rayon::join(
+            || permute(vertices, order),
+            || {
+                stars.permute(order);
+                *flags = order.iter().map(|&v| flags[v as usize]).collect();
+                *bounds = order.iter().map(|&v| bounds[v as usize]).collect();
+                *waiting = order.iter().map(|&v| waiting[v as usize]).collect();
+            },
+        );
+        vertices.truncate(used);
+        flags.truncate(used);
+        bounds.truncate(used);
+        waiting.truncate(used);
+        vertices.par_iter_mut().with_min_len(4096).for_each(|vertex| {
             // A target that has gone was forgotten with its rating.
             vertex.target = new_of.get(vertex.target as usize).copied().unwrap_or(u32::MAX);
-        }
-        self.flags = permuted(&self.flags, order);
-        self.bounds = permuted(&self.bounds, order);
-        self.waiting = permuted(&self.waiting, order);
-        self.stars.renumber(order, &new_of);
+        });
+        stars.renumber(&new_of, used);
         self.free.clear();
     }
 

@@ -26,8 +26,10 @@ pub(crate) fn reorder(portion: &mut Portion) {
         .map(|v| u64::from(morton((portion.position(v) - low) * scale)) << 32 | u64::from(v))
         .collect();
     order.par_sort_unstable();
-    let order: Vec<u32> = order.into_iter().map(|key| key as u32).collect();
-    portion.renumber(&order);
+    let used = order.len();
+    let free = (0..portion.num_slots() as u32).filter(|&v| portion.state(v) == state::FREE);
+    let order: Vec<u32> = order.into_iter().map(|key| key as u32).chain(free).collect();
+    portion.renumber(&order, used);
 }
 
 /// Interleaves the bits of the whole parts.

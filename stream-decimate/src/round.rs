@@ -26,6 +26,8 @@ const ACROSS: usize = 2;
 pub(crate) const SWEPT: f64 = 4.0;
 /// A vertex that has been rated in a sweep may cost so many times the threshold.
 const LENIENCE: f32 = 16.0;
+/// The bound of a vertex of which nothing is known yet.
+const UNRATED: f32 = 0.0;
 /// Vertices looked at to find a threshold.
 const SAMPLES: usize = 2048;
 /// Least rank in the sample that makes a good threshold.
@@ -93,6 +95,9 @@ impl Decimation {
     /// Decimates down to this number of triangles, or by so many more as `slack` says less; false if there is no
     /// collapse left before that.
     pub(crate) fn run(&mut self, portion: &mut Portion, goal: usize, slack: usize) -> bool {
+        if portion.num_triangles() > goal + slack {
+            rate_new(portion, &self.rules);
+        }
         while portion.num_triangles() > goal + slack {
             if 2 * portion.num_vertices() < portion.num_slots() {
                 reorder(portion);
@@ -112,16 +117,27 @@ impl Decimation {
 
     /// The cost below which there are the candidates' share of all vertices; or `wanted` of them, if that is less.
     /// `None` if there are no candidates.
-    fn threshold(&mut self, portion: &Portion, wanted: usize, candidates: usize) -> Option<f32> {
-        let bounds = &portion.bounds;
+    fn threshold(
+        &mut self,
+        portion: &mut Portion,
+        wanted: usize,
+        candidates: usize,
+    ) -> Option<f32> {
         self.sample.clear();
-        let draws = SAMPLES.min(bounds.len());
+        let window = portion.whole();
+        let slots = window.range();
+        let draws = SAMPLES.min(slots.len());
         for _ in 0..draws {
-            let bound = bounds[self.random.random_range(0..bounds.len())];
+            let v = self.random.random_range(slots.clone());
+            let bound = match window.bound(v) {
+                UNRATED => rate::costs(&window, v, &self.rules, |_, _| {}).cost,
+                bound => bound,
+            };
             if bound < f32::INFINITY {
                 self.sample.push(bound);
             }
         }
+        let bounds = window.bounds();
         // A little less than wanted, since a sample is only a sample.
         let of_wanted = wanted * draws / bounds.len().max(1);
         let mut rank = (of_wanted * 7 / 8).min(self.sample.len() / candidates);
@@ -181,9 +197,11 @@ fn cheapest_on_boundary(portion: &Portion) -> Option<f32> {
 }
 
 /// Rates the vertices that have become candidates; what is forbidden shows when it is their turn.
-pub(crate) fn rate_new(portion: &mut Portion, rules: &Rules) {
+fn rate_new(portion: &mut Portion, rules: &Rules) {
     let new: Vec<u32> = (0..portion.num_slots() as u32)
-        .filter(|&v| portion.flags[v as usize] & STALE != 0 && portion.bounds[v as usize] == 0.0)
+        .filter(|&v| {
+            portion.flags[v as usize] & STALE != 0 && portion.bounds[v as usize] == UNRATED
+        })
         .collect();
     let mut window = portion.whole();
     let shared = &window;

@@ -10,6 +10,8 @@
 
 use rayon::prelude::*;
 
+use crate::portion::permute;
+
 /// Neighbours that fit into the cache line.
 const INLINE: usize = 15;
 /// Marks the last neighbour of a fan.
@@ -159,17 +161,20 @@ impl Stars {
         self.stars.push(EMPTY);
     }
 
-    /// Gives the vertices new numbers: `order` names the old ones, `new_of` the new ones.
-    pub(crate) fn renumber(&mut self, order: &[u32], new_of: &[u32]) {
+    /// Puts the stars in the order given; the numbers in them stay as they are.
+    pub(crate) fn permute(&mut self, order: &[u32]) {
+        permute(&mut self.stars, order);
+    }
+
+    /// Keeps the stars of the first `count` vertices, and puts new numbers into them.
+    pub(crate) fn renumber(&mut self, new_of: &[u32], count: usize) {
         let new = |entry: &mut u32| *entry = new_of[id(*entry) as usize] | (*entry & LAST);
-        let renumbered = |&v: &u32| {
-            let mut star = self.stars[v as usize];
+        self.stars.truncate(count);
+        self.stars.par_iter_mut().with_min_len(4096).for_each(|star| {
             if star.len as usize <= INLINE {
                 star.entries[..star.len as usize].iter_mut().for_each(new);
             }
-            star
-        };
-        self.stars = order.par_iter().with_min_len(4096).map(renumbered).collect();
+        });
         self.spill.lists.iter_mut().flatten().for_each(new);
     }
 
