@@ -16,6 +16,7 @@
 //! ```
 
 mod careful;
+mod cluster;
 mod decimator;
 mod deviation;
 mod distance;
@@ -40,6 +41,7 @@ mod scratch;
 mod star;
 mod write;
 
+pub use cluster::decimate_clustered;
 pub use decimator::StreamDecimator;
 pub use error::Error;
 pub use greedy::decimate_greedy;
