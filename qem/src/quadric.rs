@@ -40,6 +40,29 @@ impl Quadric {
         }
     }
 
+    /// The share of a triangle as seen from one of its corners: what [`from_triangle`](ErrorMetric::from_triangle) says of
+    /// a triangle with a corner at the origin. `cross` is the cross product of two of its edges.
+    #[inline]
+    pub fn from_cross_product(cross: Vec3) -> Self {
+        let twice_area = cross.length();
+        if !(twice_area > 0.0 && twice_area.is_finite()) {
+            return Self::default();
+        }
+        let scaled = cross * (0.5 / twice_area);
+        Self {
+            diagonal: cross * scaled,
+            off_diagonal: Vec3::new(cross.y * scaled.z, cross.x * scaled.z, cross.x * scaled.y),
+            ..Self::default()
+        }
+    }
+
+    /// Adds a quadric about the same point that vanishes there.
+    #[inline]
+    pub fn merge_plane(&mut self, plane: &Self) {
+        self.diagonal += plane.diagonal;
+        self.off_diagonal += plane.off_diagonal;
+    }
+
     /// Sum of the weights: the trace of `A`, since the normals are of unit length.
     pub fn weight(&self) -> f32 {
         self.diagonal.element_sum()
@@ -193,6 +216,17 @@ mod tests {
             prop_assert!(found.is_finite());
             prop_assert!(q.cost(found) <= q.cost(near) + 1e-5);
         }
+    }
+
+    #[test]
+    fn a_triangle_seen_from_its_corner_is_that_triangle() {
+        let (a, b) = (vec3(0.3, 0.1, -0.4), vec3(-0.2, 0.5, 0.6));
+        let (one, other) =
+            (Quadric::from_cross_product(a.cross(b)), Quadric::from_triangle([Vec3::ZERO, a, b]));
+        for at in [Vec3::ONE, vec3(0.1, -0.7, 0.4)] {
+            assert!((one.cost(at) - other.cost(at)).abs() < 1e-5);
+        }
+        assert_eq!(Quadric::from_cross_product(Vec3::ZERO), Quadric::default());
     }
 
     #[test]

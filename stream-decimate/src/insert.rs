@@ -7,7 +7,7 @@ use qem::{ErrorMetric, Quadric};
 use crate::Repairs;
 use crate::lookup::{Lookup, key};
 use crate::portion::{Portion, state};
-use crate::star::Added;
+use crate::star::{Added, Joint};
 
 /// Puts triangles into the portion.
 #[derive(Debug, Default)]
@@ -51,30 +51,25 @@ impl Inserter {
             let lookup = &self.lookup;
             lookup.find(key(corner), |v| portion.position(v) == corner)
         });
-        let fits = match found {
-            [Some(a), Some(b), Some(c)] => {
-                !(leads(portion, a, b) || leads(portion, b, c) || leads(portion, c, a))
+        let (vertices, joints) = match joints(portion, found) {
+            Some(joints) => {
+                let mut vertices = [0; 3];
+                for ((vertex, found), &corner) in vertices.iter_mut().zip(found).zip(&corners) {
+                    *vertex = found.unwrap_or_else(|| self.new_vertex(portion, corner));
+                }
+                (vertices, joints)
             }
-            [Some(a), Some(b), None] => !leads(portion, a, b),
-            [None, Some(b), Some(c)] => !leads(portion, b, c),
-            [Some(a), None, Some(c)] => !leads(portion, c, a),
-            _ => true,
-        };
-        let fits = fits && found.iter().flatten().all(|&v| portion.state(v) != state::RING);
-        let [a, b, c] = if fits {
-            let mut vertices = [0; 3];
-            for ((vertex, found), &corner) in vertices.iter_mut().zip(found).zip(&corners) {
-                *vertex = found.unwrap_or_else(|| self.new_vertex(portion, corner));
+            None => {
+                let vertices = self.cut_off(portion, corners)?;
+                (vertices, joints(portion, vertices.map(Some))?)
             }
-            vertices
-        } else {
-            self.cut_off(portion, corners)?
         };
         portion.count_triangles(1, 0);
-        let plane = Quadric::from_triangle([Vec3::ZERO, q - p, r - p]);
-        for (v, x, y) in [(a, b, c), (b, c, a), (c, a, b)] {
+        let plane = Quadric::from_cross_product((q - p).cross(r - p));
+        let [a, b, c] = vertices;
+        for ((v, x, y), joint) in [(a, b, c), (b, c, a), (c, a, b)].into_iter().zip(joints) {
             portion.add_plane(v, &plane);
-            match portion.stars.all().add(v, x, y) {
+            match portion.stars.all().add(v, x, y, joint) {
                 Added::Open => portion.set_state(v, state::OPEN),
                 Added::Ring => {
                     portion.set_state(v, state::RING);
@@ -87,7 +82,7 @@ impl Inserter {
                 }
             }
         }
-        Some([a, b, c])
+        Some(vertices)
     }
 
     /// The vertex at a position whose triangles may still come.
@@ -212,6 +207,23 @@ impl Inserter {
             portion.unrate_around(v);
         }
     }
+}
+
+/// Where a triangle joins the fans of its vertices, as far as they are there; `None` if it does not fit.
+#[inline]
+fn joints(portion: &mut Portion, found: [Option<u32>; 3]) -> Option<[Joint; 3]> {
+    // No vertex has this number.
+    let [a, b, c] = found.map(|v| v.unwrap_or(u32::MAX >> 1));
+    let mut joints = [Joint::default(); 3];
+    for (joint, (v, x, y)) in joints.iter_mut().zip([(a, b, c), (b, c, a), (c, a, b)]) {
+        if v != u32::MAX >> 1 {
+            if portion.state(v) == state::RING {
+                return None;
+            }
+            *joint = portion.stars.all().joint(v, x, y)?;
+        }
+    }
+    Some(joints)
 }
 
 /// Whether the edge from `a` to `b` has its triangle.

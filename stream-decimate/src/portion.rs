@@ -349,10 +349,10 @@ impl Portion {
         self.num_triangles = self.num_triangles + come - gone;
     }
 
-    /// The share of a triangle, for any of its corners: the planes about that corner.
+    /// Adds a plane through the vertex to those it stands for.
     #[inline]
     pub(crate) fn add_plane(&mut self, v: u32, plane: &Quadric) {
-        self.vertices[v as usize].quadric.merge(plane);
+        self.vertices[v as usize].quadric.merge_plane(plane);
     }
 
     /// Triangles with an open corner.

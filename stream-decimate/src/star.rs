@@ -53,6 +53,15 @@ struct Spill {
     free: Vec<u32>,
 }
 
+/// Where a triangle joins the fans of a vertex.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Joint {
+    /// Index of the last neighbour of the fan that it lengthens at its end.
+    end: Option<usize>,
+    /// Index of the first neighbour of the fan that it lengthens at its start.
+    start: Option<usize>,
+}
+
 /// The stars of all vertices.
 #[derive(Debug, Default)]
 pub(crate) struct Stars {
@@ -294,35 +303,81 @@ impl StarSlice<'_> {
         self.fans(v).0.iter().position(|&e| id(e) == neighbour)
     }
 
-    /// Adds the triangle `(v, a, b)`. There must be none yet that has its edge `v→a` or `b→v`.
-    pub(crate) fn add(&mut self, v: u32, a: u32, b: u32) -> Added {
-        // A fan to lengthen ends in `a`, or begins with `b`.
-        match (self.position(v, a), self.position(v, b)) {
-            (None, None) => {
-                let end = self.fans(v).len();
-                self.splice(v, end, 0, &[a, b | LAST]);
-            }
-            (Some(i), None) => self.splice(v, i, 1, &[a, b | LAST]),
-            (None, Some(j)) => self.splice(v, j, 0, &[a]),
-            (Some(i), Some(j)) => {
-                let list = self.list_mut(v);
-                let start = list[..i].iter().rposition(|e| e & LAST != 0).map_or(0, |s| s + 1);
-                list[i] = a;
-                if start == j {
-                    if list.len() == i + 1 - j {
-                        return Added::Ring;
-                    }
-                    // The others stay in front, the ring goes to the end, where the lack of a mark tells it.
-                    list[j..].rotate_left(i + 1 - j);
-                    return Added::RingAndOthers;
-                } else if j > i {
-                    let end = j + list[j..].iter().position(|e| e & LAST != 0).unwrap_or(0);
-                    list[i + 1..=end].rotate_left(j - i - 1);
-                } else {
-                    let end = j + list[j..].iter().position(|e| e & LAST != 0).unwrap_or(0);
-                    list[j..=i].rotate_left(end + 1 - j);
+    /// Where the triangle `(v, a, b)` joins the fans of `v`; `None` if there is a triangle with its edge `v→a` or `b→v`.
+    #[inline]
+    pub(crate) fn joint(&self, v: u32, a: u32, b: u32) -> Option<Joint> {
+        let mut joint = Joint::default();
+        let mut begins = true;
+        for (i, &entry) in self.fans(v).0.iter().enumerate() {
+            let ends = entry & LAST != 0;
+            if id(entry) == a {
+                if !ends {
+                    return None;
                 }
+                joint.end = Some(i);
+            } else if id(entry) == b {
+                if !begins {
+                    return None;
+                }
+                joint.start = Some(i);
             }
+            begins = ends;
+        }
+        Some(joint)
+    }
+
+    /// Puts an entry before those from `at` on.
+    #[inline]
+    fn insert(&mut self, v: u32, at: usize, entry: u32) {
+        let star = &mut self.stars[(v - self.base) as usize];
+        let len = star.len as usize;
+        if len >= INLINE {
+            return self.splice(v, at, 0, &[entry]);
+        }
+        for i in (at..len).rev() {
+            star.entries[i + 1] = star.entries[i];
+        }
+        star.entries[at] = entry;
+        star.len += 1;
+    }
+
+    /// Adds the triangle `(v, a, b)` at its [joint](Self::joint).
+    #[inline]
+    pub(crate) fn add(&mut self, v: u32, a: u32, b: u32, joint: Joint) -> Added {
+        match (joint.end, joint.start) {
+            (None, None) => {
+                let end = self.valence(v);
+                self.insert(v, end, a);
+                self.insert(v, end + 1, b | LAST);
+            }
+            (Some(i), None) => {
+                self.list_mut(v)[i] = a;
+                self.insert(v, i + 1, b | LAST);
+            }
+            (None, Some(j)) => self.insert(v, j, a),
+            (Some(i), Some(j)) => return self.close(v, a, i, j),
+        }
+        Added::Open
+    }
+
+    /// Joins the fan that ends with `a` at index `i` to the one that starts at index `j`, or closes it.
+    fn close(&mut self, v: u32, a: u32, i: usize, j: usize) -> Added {
+        let list = self.list_mut(v);
+        let start = list[..i].iter().rposition(|e| e & LAST != 0).map_or(0, |s| s + 1);
+        list[i] = a;
+        if start == j {
+            if list.len() == i + 1 - j {
+                return Added::Ring;
+            }
+            // The others stay in front, the ring goes to the end, where the lack of a mark tells it.
+            list[j..].rotate_left(i + 1 - j);
+            return Added::RingAndOthers;
+        }
+        let end = j + list[j..].iter().position(|e| e & LAST != 0).unwrap_or(0);
+        if j > i {
+            list[i + 1..=end].rotate_left(j - i - 1);
+        } else {
+            list[j..=i].rotate_left(end + 1 - j);
         }
         Added::Open
     }
