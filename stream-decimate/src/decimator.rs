@@ -10,6 +10,7 @@ use crate::portion::{Portion, state};
 use crate::rate::Rules;
 use crate::reorder::reorder;
 use crate::round::{self, Decimation};
+use crate::sealed::Sealed;
 use crate::write;
 use crate::{DecimateOptions, DecimateReport, Error, Progress, Target};
 
@@ -24,6 +25,10 @@ const BATCH: usize = 1 << 14;
 
 /// The share of the largest error asked for that the decimation may find: it does not look at every point.
 const MARGIN: f32 = 0.85;
+
+/// Late triangles beyond which a stream is out of order: so many, and more than such a share of all.
+const FEW_CRACKS: u64 = 1_000;
+const CRACKS_IN_ORDER: f64 = 1e-3;
 
 /// What to do when waiting triangles crowd the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,6 +123,7 @@ impl StreamDecimator {
             .build()
             .map_err(Error::Threads)?;
         let mut portion = Portion::with_capacity(capacity * 9 / 16);
+        portion.sealed = Sealed::remembering(capacity / 8);
         let mut inserter = Inserter::default();
         inserter.begin(&mut portion, capacity / 2);
         Ok(Self {
@@ -276,6 +282,10 @@ impl StreamDecimator {
     ) -> Result<(), Error> {
         self.peak = self.peak.max(self.portion.num_triangles());
         self.seal_final(finality);
+        let cracks = self.inserter.repairs.late_cracks;
+        if cracks > FEW_CRACKS && cracks as f64 > CRACKS_IN_ORDER * self.read as f64 {
+            return Err(self.unsorted(self.portion.num_waiting_triangles()));
+        }
         let half = self.capacity / 2;
         let slack = self.capacity / 50;
         let waiting = self.portion.num_waiting_triangles();
@@ -356,6 +366,7 @@ impl StreamDecimator {
         let before = times.get(times.len() * 3 / 4).map_or(young, |&time| time.min(young));
         for v in open {
             if self.portion.waiting[v as usize] < before {
+                self.portion.sealed.add(self.portion.position(v), v);
                 self.inserter.seal(&mut self.portion, v);
                 self.sealed += 1;
             }

@@ -7,6 +7,7 @@ use qem::{ErrorMetric, Quadric};
 use crate::Repairs;
 use crate::lookup::{Lookup, key};
 use crate::portion::{Portion, state};
+use crate::sealed::Trace;
 use crate::star::{Added, Joint};
 
 /// Puts triangles into the portion.
@@ -22,6 +23,7 @@ impl Inserter {
     /// Forgets all vertices but those whose triangles may still come, and lets their number be `expected` more.
     pub(crate) fn begin(&mut self, portion: &mut Portion, expected: usize) {
         portion.sort_free_slots();
+        portion.follow_sealed();
         self.lookup.reset(expected);
         for v in 0..portion.num_slots() as u32 {
             if portion.state(v) == state::OPEN {
@@ -51,6 +53,14 @@ impl Inserter {
             let lookup = &self.lookup;
             lookup.find(key(corner), |v| portion.position(v) == corner)
         });
+        let found = if portion.sealed.is_empty() {
+            found
+        } else {
+            match self.trace(portion, corners, found) {
+                Some(found) => found,
+                None => return None,
+            }
+        };
         let (vertices, joints) = match joints(portion, found) {
             Some(joints) => {
                 let mut vertices = [0; 3];
@@ -64,6 +74,11 @@ impl Inserter {
                 (vertices, joints(portion, vertices.map(Some))?)
             }
         };
+        for v in vertices {
+            if portion.state(v) == state::BOUNDARY {
+                portion.reopen(v);
+            }
+        }
         portion.count_triangles(1, 0);
         let plane = Quadric::from_cross_product((q - p).cross(r - p));
         let [a, b, c] = vertices;
@@ -83,6 +98,38 @@ impl Inserter {
             }
         }
         Some(vertices)
+    }
+
+    /// As [`insert`](Self::insert) found the corners, with vertices that were sealed before this triangle came. `None` if
+    /// nothing is left of it.
+    fn trace(
+        &mut self,
+        portion: &Portion,
+        corners: Triangle,
+        mut found: [Option<u32>; 3],
+    ) -> Option<[Option<u32>; 3]> {
+        let mut late = false;
+        let mut crack = false;
+        for (found, corner) in found.iter_mut().zip(corners).filter(|(found, _)| found.is_none()) {
+            match portion.sealed.trace(corner) {
+                Trace::None => {}
+                Trace::Vertex(v) => {
+                    late = true;
+                    *found = Some(v);
+                }
+                Trace::Gone => crack = true,
+            }
+        }
+        let [a, b, c] = found;
+        let same = |x: Option<u32>, y: Option<u32>| x.is_some() && x == y;
+        let nothing_left = same(a, b) || same(b, c) || same(c, a);
+        if late && !nothing_left && joints(portion, found).is_none() {
+            crack = true;
+            late = false;
+        }
+        self.repairs.late += u64::from(late && !crack);
+        self.repairs.late_cracks += u64::from(crack);
+        (!nothing_left).then_some(found)
     }
 
     /// The vertex at a position whose triangles may still come.
@@ -211,7 +258,7 @@ impl Inserter {
 
 /// Where a triangle joins the fans of its vertices, as far as they are there; `None` if it does not fit.
 #[inline]
-fn joints(portion: &mut Portion, found: [Option<u32>; 3]) -> Option<[Joint; 3]> {
+fn joints(portion: &Portion, found: [Option<u32>; 3]) -> Option<[Joint; 3]> {
     // No vertex has this number.
     let [a, b, c] = found.map(|v| v.unwrap_or(u32::MAX >> 1));
     let mut joints = [Joint::default(); 3];
@@ -220,7 +267,7 @@ fn joints(portion: &mut Portion, found: [Option<u32>; 3]) -> Option<[Joint; 3]> 
             if portion.state(v) == state::RING {
                 return None;
             }
-            *joint = portion.stars.all().joint(v, x, y)?;
+            *joint = portion.stars.fans(v).joint(x, y)?;
         }
     }
     Some(joints)

@@ -38,6 +38,7 @@ mod report;
 mod round;
 mod run;
 mod scratch;
+mod sealed;
 mod star;
 mod write;
 

@@ -4,6 +4,7 @@ use glam::Vec3;
 use qem::{ErrorMetric, Quadric};
 use rayon::prelude::*;
 
+use crate::sealed::Sealed;
 use crate::star::{StarSlice, Stars};
 
 /// What a vertex is to the decimation. The states are bits, to be tested for several at once.
@@ -177,6 +178,8 @@ pub(crate) struct Portion {
     pub(crate) bounds: Vec<f32>,
     /// What tells when an open vertex has had its last triangle.
     pub(crate) waiting: Vec<u32>,
+    /// What was sealed on suspicion.
+    pub(crate) sealed: Sealed,
     /// Vertices not in use, the first of them last.
     free: Vec<u32>,
     num_triangles: usize,
@@ -308,9 +311,10 @@ impl Portion {
             .collect()
     }
 
-    /// Takes back vertices that lost their triangles in a window, and counts those triangles.
-    pub(crate) fn take_back(&mut self, removed: &[u32], triangles: usize) {
-        self.free.extend_from_slice(removed);
+    /// Takes back vertices that were collapsed into others in a window, and counts the triangles that went with them.
+    pub(crate) fn take_back(&mut self, collapsed: &[(u32, u32)], triangles: usize) {
+        self.free.extend(collapsed.iter().map(|&(v, _)| v));
+        self.sealed.collapsed(collapsed);
         self.num_triangles -= triangles;
     }
 
@@ -340,7 +344,15 @@ impl Portion {
             vertex.target = new_of.get(vertex.target as usize).copied().unwrap_or(u32::MAX);
         });
         stars.renumber(&new_of, used);
+        self.sealed.renumber(|v| Some(new_of[v as usize]).filter(|&new| new != u32::MAX));
         self.free.clear();
+    }
+
+    /// Follows the vertices that were sealed on suspicion to what they have become, as far as that is a boundary.
+    pub(crate) fn follow_sealed(&mut self) {
+        let flags = &self.flags;
+        let on_boundary = |v: u32| flags[v as usize] & (state::BOUNDARY | state::OPEN) != 0;
+        self.sealed.renumber(|v| Some(v).filter(|&v| on_boundary(v)));
     }
 
     /// Counts triangles that came or went.
@@ -353,6 +365,15 @@ impl Portion {
     #[inline]
     pub(crate) fn add_plane(&mut self, v: u32, plane: &Quadric) {
         self.vertices[v as usize].quadric.merge_plane(plane);
+    }
+
+    /// Lets a boundary vertex wait for triangles again.
+    pub(crate) fn reopen(&mut self, v: u32) {
+        self.set_state(v, state::OPEN);
+        self.bounds[v as usize] = f32::INFINITY;
+        for x in self.stars.fans(v).neighbours() {
+            self.flags[x as usize] |= UNSURE;
+        }
     }
 
     /// Triangles with an open corner.

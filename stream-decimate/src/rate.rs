@@ -92,6 +92,9 @@ impl Choices {
 /// The vertex and its neighbours have to be in the window; `None` if the neighbours of the best of them are not.
 pub(crate) fn confirm(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating> {
     let &Vertex { target, second, .. } = window.vertex(v);
+    if window.state(target) & takers(window, v) == 0 {
+        return rate(window, v, rules);
+    }
     if !window.has_star(target) {
         return None;
     }
@@ -105,6 +108,15 @@ pub(crate) fn confirm(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rati
         }
     }
     rate(window, v, rules)
+}
+
+/// The states of neighbours that may take a vertex.
+#[inline]
+fn takers(window: &Window<'_>, v: u32) -> u8 {
+    match window.state(v) {
+        state::RING => state::MAY_TAKE,
+        _ => state::BOUNDARY | state::FROZEN,
+    }
 }
 
 /// Rates a vertex that may go. The vertex and its neighbours have to be in the window; `None` if the neighbours of one
@@ -201,7 +213,7 @@ fn choices(window: &Window<'_>, v: u32, rules: &Rules) -> Choices {
     if !fans.is_ring() {
         for (first, last) in fans.ends().take(1) {
             for u in [first, last] {
-                if window.state(u) & (state::BOUNDARY | state::FROZEN) != 0 {
+                if window.state(u) & takers(window, v) != 0 {
                     let (_, cost) = place(window, v, u, rules);
                     choices.push(Choice { cost, target: u });
                 }

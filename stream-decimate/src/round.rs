@@ -47,8 +47,8 @@ pub(crate) struct Decimation {
 /// What was done in a window.
 #[derive(Debug, Default)]
 pub(crate) struct Outcome {
-    /// Vertices that are gone.
-    removed: Vec<u32>,
+    /// Vertices that are gone, and those that took them.
+    collapsed: Vec<(u32, u32)>,
     /// Triangles that are gone.
     triangles: usize,
 }
@@ -84,7 +84,7 @@ impl Decimation {
                 .collect();
             let before = portion.num_triangles();
             for outcome in outcomes {
-                portion.take_back(&outcome.removed, outcome.triangles);
+                portion.take_back(&outcome.collapsed, outcome.triangles);
             }
             if before - portion.num_triangles() < before / 64 {
                 return;
@@ -174,7 +174,7 @@ impl Decimation {
                 .collect();
             let before = portion.num_triangles();
             for outcome in outcomes {
-                portion.take_back(&outcome.removed, outcome.triangles);
+                portion.take_back(&outcome.collapsed, outcome.triangles);
             }
             if portion.num_triangles() < before && self.num_rounds % ACROSS != 0 {
                 return true;
@@ -182,7 +182,7 @@ impl Decimation {
         }
         let most = portion.num_triangles() - goal;
         let outcome = decimate_window(&mut portion.whole(), threshold, &rules, most);
-        portion.take_back(&outcome.removed, outcome.triangles);
+        portion.take_back(&outcome.collapsed, outcome.triangles);
         outcome.triangles > 0 || below(portion) == 0 || most == 1
     }
 }
@@ -228,7 +228,11 @@ fn accept(window: &mut Window<'_>, v: u32, rating: &rate::Rating) {
 fn sweep_window(window: &mut Window<'_>, threshold: f32, rules: &Rules) -> Outcome {
     let mut outcome = Outcome::default();
     for v in window.range() {
-        if window.bound(v) > threshold || window.flags(v) & TAKEN != 0 || !window.has_star(v) {
+        if window.bound(v) > threshold
+            || window.flags(v) & TAKEN != 0
+            || window.state(v) & state::MAY_GO == 0
+            || !window.has_star(v)
+        {
             continue;
         }
         let Some(rating) = rate::rate(window, v, rules) else { continue };
@@ -241,7 +245,7 @@ fn sweep_window(window: &mut Window<'_>, threshold: f32, rules: &Rules) -> Outco
             continue;
         }
         outcome.triangles += if window.state(v) == state::RING { 2 } else { 1 };
-        outcome.removed.push(v);
+        outcome.collapsed.push((v, u));
         collapse(window, v, u, rating.deviation, rules);
         for i in 0..window.stars.valence(u) {
             let x = window.stars.fans(u).at(i);
@@ -319,7 +323,7 @@ fn decimate_window(window: &mut Window<'_>, threshold: f32, rules: &Rules, most:
             continue;
         }
         collapse(window, v, u, known, rules);
-        outcome.removed.push(v);
+        outcome.collapsed.push((v, u));
         outcome.triangles += gone;
         correct_bounds(window, v, u, rules, &mut costs, &mut retry);
         if window.bound(u) <= threshold {

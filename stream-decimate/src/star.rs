@@ -146,6 +146,29 @@ impl<'a> Fans<'a> {
         self.triangles().any(|t| t == (a, b))
     }
 
+    /// Where the triangle `(v, a, b)` joins the fans; `None` if there is a triangle with its edge `v→a` or `b→v`.
+    #[inline]
+    pub(crate) fn joint(self, a: u32, b: u32) -> Option<Joint> {
+        let mut joint = Joint::default();
+        let mut begins = true;
+        for (i, &entry) in self.0.iter().enumerate() {
+            let ends = entry & LAST != 0;
+            if id(entry) == a {
+                if !ends {
+                    return None;
+                }
+                joint.end = Some(i);
+            } else if id(entry) == b {
+                if !begins {
+                    return None;
+                }
+                joint.start = Some(i);
+            }
+            begins = ends;
+        }
+        Some(joint)
+    }
+
     /// The first and the last neighbour of each fan with two ends.
     pub(crate) fn ends(self) -> impl Iterator<Item = (u32, u32)> + 'a {
         let mut first = None;
@@ -303,29 +326,6 @@ impl StarSlice<'_> {
         self.fans(v).0.iter().position(|&e| id(e) == neighbour)
     }
 
-    /// Where the triangle `(v, a, b)` joins the fans of `v`; `None` if there is a triangle with its edge `v→a` or `b→v`.
-    #[inline]
-    pub(crate) fn joint(&self, v: u32, a: u32, b: u32) -> Option<Joint> {
-        let mut joint = Joint::default();
-        let mut begins = true;
-        for (i, &entry) in self.fans(v).0.iter().enumerate() {
-            let ends = entry & LAST != 0;
-            if id(entry) == a {
-                if !ends {
-                    return None;
-                }
-                joint.end = Some(i);
-            } else if id(entry) == b {
-                if !begins {
-                    return None;
-                }
-                joint.start = Some(i);
-            }
-            begins = ends;
-        }
-        Some(joint)
-    }
-
     /// Puts an entry before those from `at` on.
     #[inline]
     fn insert(&mut self, v: u32, at: usize, entry: u32) {
@@ -341,7 +341,7 @@ impl StarSlice<'_> {
         star.len += 1;
     }
 
-    /// Adds the triangle `(v, a, b)` at its [joint](Self::joint).
+    /// Adds the triangle `(v, a, b)` at its [joint](Fans::joint).
     #[inline]
     pub(crate) fn add(&mut self, v: u32, a: u32, b: u32, joint: Joint) -> Added {
         match (joint.end, joint.start) {

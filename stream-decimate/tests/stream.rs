@@ -129,6 +129,28 @@ fn fans_that_meet_in_a_vertex_become_vertices_of_their_own() {
 }
 
 #[test]
+fn late_triangles_find_what_has_become_of_their_neighbours() {
+    let mut mesh = sheet(198, true);
+    let before = count(&mesh);
+    // Rows of squares without holes, one of which in each comes after twenty others.
+    let rows: Vec<usize> = (0..20).map(|i| 396 * 5 + i * 1_500).collect();
+    for &start in rows.iter().rev() {
+        let late: Vec<Triangle> = mesh.drain(start..start + 2).collect();
+        let at = (start + 5_000).min(mesh.len());
+        mesh.splice(at..at, late);
+    }
+    let (out, report) = decimate(&mesh, &options(0.3, 5_000));
+    let repaired = report.repaired;
+    assert!(repaired.late > 0, "{repaired:?}");
+    assert!(repaired.late + repaired.late_cracks <= 40, "{repaired:?}");
+    let counted = count(&out);
+    assert_eq!(counted.bad_edges, 0);
+    if repaired.late_cracks == 0 && report.missed.is_none() {
+        assert_eq!(counted.euler(), before.euler());
+    }
+}
+
+#[test]
 fn an_unsorted_pipe_is_refused_when_it_leaves_cracks() {
     let mut mesh = torus(200, 400);
     let len = mesh.len();
