@@ -23,9 +23,6 @@ const TICK: u64 = 64;
 /// Triangles written at a time.
 const BATCH: usize = 1 << 14;
 
-/// The share of the largest error asked for that the decimation may find: it does not look at every point.
-const MARGIN: f32 = 0.85;
-
 /// Late triangles beyond which a stream is out of order: so many, and more than such a share of all.
 const FEW_CRACKS: u64 = 1_000;
 const CRACKS_IN_ORDER: f64 = 1e-3;
@@ -114,7 +111,7 @@ impl StreamDecimator {
             (Target::MaxError(_), _) => 0.0,
         };
         let most_deviation = match options.target {
-            Target::MaxError(most) => MARGIN * most as f32,
+            Target::MaxError(most) => rounded_down(most),
             _ => f32::INFINITY,
         };
         let rules = Rules { placement: options.placement, most_deviation };
@@ -386,4 +383,10 @@ impl StreamDecimator {
         self.out = Vec::new();
         Ok(())
     }
+}
+
+/// The nearest single that is not more.
+fn rounded_down(most: f64) -> f32 {
+    let nearest = most as f32;
+    if f64::from(nearest) > most { nearest.next_down() } else { nearest }
 }

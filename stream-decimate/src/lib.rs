@@ -15,7 +15,6 @@
 //! # Ok::<(), stream_decimate::OptionsError>(())
 //! ```
 
-mod careful;
 mod cluster;
 mod decimator;
 mod deviation;

@@ -1,7 +1,7 @@
 //! The in-core portion of the mesh (Wu and Kobbelt 2003, §4: the part B).
 
 use glam::Vec3;
-use qem::{ErrorMetric, Quadric};
+use qem::Quadric;
 use rayon::prelude::*;
 
 use crate::sealed::Sealed;

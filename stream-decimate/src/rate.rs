@@ -3,11 +3,13 @@
 //! A collapse is rated by the least value of the two quadrics' sum, and puts the vertex left there: the place it would
 //! get at the end anyway. Only the best collapse that is legal and turns no triangle over counts.
 
+use std::cell::RefCell;
+
 use glam::Vec3;
 use qem::{Batch, ErrorMetric, LANES, Quadric};
 
 use crate::Placement;
-use crate::careful::{self, Patch};
+use crate::deviation::Patch;
 use crate::new_star::NewStar;
 use crate::portion::{Vertex, Window, state};
 
@@ -321,26 +323,37 @@ pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3, rules: &R
         }
     }
     let moved = star.finish();
-    let before = from.deviation.max(to.deviation);
-    if rules.has_limit() && before + moved <= rules.most_deviation {
-        let most = rules.most_deviation - before;
-        return before + moved.max(careful_distance(window, v, u, at, most));
+    if moved < f32::INFINITY && rules.has_limit() {
+        return bound(window, v, u, at);
     }
-    before + moved
+    from.deviation.max(to.deviation) + moved
 }
 
-/// How far the surface moves with a collapse, as closely as is worth while where there is a limit.
-fn careful_distance(window: &Window<'_>, v: u32, u: u32, at: Vec3, most: f32) -> f32 {
-    let mut before = [v, u].map(|center| Patch::new(window.position(center)));
-    let mut after = Patch::new(at);
-    for (patch, center, without) in [(0, v, u), (1, u, v)] {
-        for (a, b) in window.stars.fans(center).triangles() {
-            let [p, q] = [a, b].map(|x| window.position(x));
-            before[patch].push(p, q);
-            if a != without && b != without {
-                after.push(p, q);
+/// A proven bound for how far the surface around `u` lies from the input once it is at `at` and has taken `v`.
+fn bound(window: &Window<'_>, v: u32, u: u32, at: Vec3) -> f32 {
+    thread_local! {
+        static SCRATCH: RefCell<(Patch, Vec<u32>)> = RefCell::default();
+    }
+    SCRATCH.with_borrow_mut(|(patch, numbers)| {
+        let bounded = |x: u32| (window.position(x), window.vertex(x).deviation);
+        patch.restart([v, u].map(bounded));
+        numbers.clear();
+        numbers.extend([v, u]);
+        for (center, x) in [v, u].into_iter().enumerate() {
+            for (a, b) in window.stars.fans(x).triangles() {
+                if center == 1 && (a == v || b == v) {
+                    continue;
+                }
+                let [a, b] = [a, b].map(|x| {
+                    numbers.iter().position(|&n| n == x).unwrap_or_else(|| {
+                        let (point, bound) = bounded(x);
+                        numbers.push(x);
+                        patch.add_vertex(point, bound)
+                    })
+                });
+                patch.add_triangle([center, a, b]);
             }
         }
-    }
-    careful::distance(&before, &[after], most)
+        patch.bound_after(at)
+    })
 }

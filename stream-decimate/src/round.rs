@@ -361,14 +361,6 @@ fn collapse(window: &mut Window<'_>, v: u32, u: u32, known: f32, rules: &Rules) 
     to.position += at;
     to.deviation = deviation;
     window.stars.collapse(v, u);
-    if rules.has_limit() {
-        // The triangles of the new star are some of their neighbours', too.
-        for i in 0..window.stars.valence(u) {
-            let x = window.stars.fans(u).at(i);
-            let neighbour = window.vertex_mut(x);
-            neighbour.deviation = neighbour.deviation.max(deviation);
-        }
-    }
     *window.flags_mut(v) = state::FREE;
     *window.bound_mut(v) = f32::INFINITY;
 }
