@@ -390,3 +390,75 @@ fn rounded_down(most: f64) -> f32 {
     let nearest = most as f32;
     if f64::from(nearest) > most { nearest.next_down() } else { nearest }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{Vec3, vec3};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    struct Nowhere;
+
+    impl TriangleSink for Nowhere {
+        fn write(&mut self, _triangles: &[Triangle]) -> Result<(), mesh_io::Error> {
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<(), mesh_io::Error> {
+            Ok(())
+        }
+    }
+
+    /// A sheet with holes, some of its triangles later than they should be, some of them at wrong places.
+    fn sheet(rows: usize, holes: usize, mess: &[usize]) -> Vec<Triangle> {
+        let at = |x: usize, y: usize| {
+            let (x, y) = (x as f32, y as f32);
+            vec3(x, y, (0.3 * x).sin() + (0.2 * y).cos())
+        };
+        let mut triangles = Vec::new();
+        for y in 0..rows {
+            for x in (0..20).filter(|x| (x + 20 * y) % holes != 0) {
+                let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| at(x + i, y + j));
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        for &i in mess {
+            let len = triangles.len();
+            triangles.swap(i % len, i / 7 % len);
+            triangles[i / 3 % len][i % 3] = at(i % 20, i % rows);
+            triangles[i / 5 % len].swap(0, 1);
+            if i % 11 == 0 {
+                triangles[i / 13 % len][0] = Vec3::NAN;
+            }
+        }
+        triangles
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..Default::default() })]
+
+        #[test]
+        fn the_buffer_holds_a_manifold_at_any_time(
+            rows in 10usize..60,
+            holes in 3usize..50,
+            mess in prop::collection::vec(any::<usize>(), 0..60),
+            buffer in 64usize..1000,
+            ratio in 0.01f64..1.0,
+        ) {
+            let mut options = DecimateOptions::new(Target::Ratio(ratio));
+            options.buffer_triangles = buffer;
+            let mut decimator = StreamDecimator::new(&options, None).unwrap();
+            for batch in sheet(rows, holes, &mess).chunks(50) {
+                match decimator.push(batch, &mut Nowhere) {
+                    Ok(()) => {}
+                    Err(Error::Unsorted { .. }) => return Ok(()),
+                    Err(error) => panic!("{error}"),
+                }
+                prop_assert_eq!(decimator.portion.validate(), Ok(()));
+                prop_assert!(decimator.portion.num_triangles() <= buffer);
+            }
+            decimator.finish(&mut Nowhere).unwrap();
+        }
+    }
+}

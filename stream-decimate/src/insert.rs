@@ -53,14 +53,8 @@ impl Inserter {
             let lookup = &self.lookup;
             lookup.find(key(corner), |v| portion.position(v) == corner)
         });
-        let found = if portion.sealed.is_empty() {
-            found
-        } else {
-            match self.trace(portion, corners, found) {
-                Some(found) => found,
-                None => return None,
-            }
-        };
+        let found =
+            if portion.sealed.is_empty() { found } else { self.trace(portion, corners, found)? };
         let (vertices, joints) = match joints(portion, found) {
             Some(joints) => {
                 let mut vertices = [0; 3];

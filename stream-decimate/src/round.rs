@@ -76,7 +76,7 @@ impl Decimation {
             let Some(threshold) = self.threshold(portion, 4 * wanted, 2) else { return };
             self.num_rounds += 1;
             let rules = self.rules;
-            let offset = if self.num_rounds % 2 == 0 { WINDOW / 2 } else { WINDOW };
+            let offset = if self.num_rounds.is_multiple_of(2) { WINDOW / 2 } else { WINDOW };
             let outcomes: Vec<Outcome> = portion
                 .windows(WINDOW, offset)
                 .into_par_iter()
@@ -163,7 +163,7 @@ impl Decimation {
         // Bounds do not sink, so there are no more collapses than these.
         let far = portion.num_triangles() >= goal + 2 * below(portion);
         if far {
-            let offset = if self.num_rounds % 2 == 0 { WINDOW / 2 } else { WINDOW };
+            let offset = if self.num_rounds.is_multiple_of(2) { WINDOW / 2 } else { WINDOW };
             let outcomes: Vec<Outcome> = portion
                 .windows(WINDOW, offset)
                 .into_par_iter()
@@ -176,7 +176,7 @@ impl Decimation {
             for outcome in outcomes {
                 portion.take_back(&outcome.collapsed, outcome.triangles);
             }
-            if portion.num_triangles() < before && self.num_rounds % ACROSS != 0 {
+            if portion.num_triangles() < before && !self.num_rounds.is_multiple_of(ACROSS) {
                 return true;
             }
         }

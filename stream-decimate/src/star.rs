@@ -130,9 +130,10 @@ impl<'a> Fans<'a> {
     pub(crate) fn triangles(self) -> impl Iterator<Item = (u32, u32)> + 'a {
         let list = self.0;
         let first = list.first().copied().unwrap_or(0);
-        list.iter().enumerate().filter_map(move |(i, &a)| {
-            (a & LAST == 0).then(|| (a, id(list.get(i + 1).copied().unwrap_or(first))))
-        })
+        list.iter()
+            .enumerate()
+            .filter(|(_, a)| **a & LAST == 0)
+            .map(move |(i, &a)| (a, id(list.get(i + 1).copied().unwrap_or(first))))
     }
 
     /// Whether `(v, neighbour, ·)` is a triangle.
