@@ -77,7 +77,7 @@ pub use frame::Frame;
 pub use mesh::{IndexedMesh, Triangle};
 pub use read::{
     ReadOptions, open_source, open_source_with, read_mesh, read_mesh_from, read_mesh_in_frame,
-    read_mesh_with, source_from,
+    read_mesh_with, source_from, source_from_with,
 };
 pub use stream::{MeshSource, TriangleSink, TriangleSource};
 pub use write::{

@@ -151,6 +151,19 @@ pub fn source_from<'a>(
     dispatch::source(reader, None, Some(format), name, None)
 }
 
+/// [`source_from`] for a reader whose content tells the format where `format` is `None`.
+///
+/// # Errors
+///
+/// As [`source_from`], and [`Error::UnknownFormat`].
+pub fn source_from_with<'a>(
+    reader: impl Read + Send + 'a,
+    format: Option<Format>,
+    name: &str,
+) -> Result<Box<dyn TriangleSource + Send + 'a>, Error> {
+    dispatch::source(reader, None, format, name, None)
+}
+
 /// The file, its name for messages, and its length if it is a regular one.
 fn open(path: &Path) -> Result<(File, String, Option<u64>), Error> {
     let name = path.display().to_string();

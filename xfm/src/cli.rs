@@ -5,11 +5,11 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::commands::{build, diff, extract, fly, info, verify};
+use crate::commands::{build, decimate, diff, extract, fly, info, verify};
 use crate::report::say;
 use crate::{Error, interrupt, one_line};
 
-/// View-dependent meshes of any size: build, inspect, check, extract, compare, fly
+/// Meshes of any size: decimate; build view-dependent ones, inspect, check, extract, compare, fly
 ///
 /// Messages, progress and reports go to standard error; --json reports go to standard output. Exit codes: 0 done, 1 failed
 /// (with one `error:` line), 2 wrong usage, 130 interrupted.
@@ -22,6 +22,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Decimate(decimate::DecimateArgs),
     Build(build::BuildArgs),
     Info(info::InfoArgs),
     Verify(verify::VerifyArgs),
@@ -58,6 +59,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 fn dispatch(command: &Command) -> Result<(), Error> {
     match command {
+        Command::Decimate(args) => decimate::run(args),
         Command::Build(args) => build::run(args),
         Command::Info(args) => info::run(args),
         Command::Verify(args) => verify::run(args),

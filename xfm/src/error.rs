@@ -43,6 +43,20 @@ pub enum Error {
         /// The output.
         file: PathBuf,
     },
+    /// An output that has to be a mesh is a folder.
+    #[error("{}: is a folder; give the mesh a name of its own, like small.ply", file.display())]
+    IsAFolder {
+        /// The output.
+        file: PathBuf,
+    },
+    /// A mesh could not be decimated.
+    #[error("{name}: {source}")]
+    Decimate {
+        /// The input.
+        name: String,
+        /// What is wrong with it.
+        source: stream_decimate::Error,
+    },
     /// The encoding is not there yet.
     #[error("the encoding `compact` is not available yet; use `--encoding exact`")]
     NoCompactEncoding,

@@ -22,6 +22,8 @@ pub mod interrupt;
 pub mod level;
 pub mod memory;
 pub mod mesh_file;
+pub mod mesh_stream;
+pub mod pipe;
 pub mod progress;
 pub mod repaired;
 pub mod report;

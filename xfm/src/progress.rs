@@ -41,6 +41,11 @@ impl Progress {
         }
     }
 
+    /// Says more about what is going on than the task's name.
+    pub fn describe(&self, task: String) {
+        self.bar.set_message(task);
+    }
+
     /// So many more are done.
     pub fn advance(&self, units: u64) {
         self.bar.inc(units);

@@ -90,6 +90,42 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Reads a finite number, zero or above.
+///
+/// # Errors
+///
+/// That it is not one.
+pub fn distance(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("must be a distance in model units, zero or above".to_owned()),
+    }
+}
+
+/// Reads a share, above 0 and up to 1.
+///
+/// # Errors
+///
+/// That it is not one.
+pub fn share(text: &str) -> Result<f64, String> {
+    match positive(text) {
+        Ok(share) if share <= 1.0 => Ok(share),
+        _ => Err("must be a share above 0 and up to 1, like 0.02".to_owned()),
+    }
+}
+
+/// Reads how many triangles a buffer holds.
+///
+/// # Errors
+///
+/// That it is too small or not a number.
+pub fn buffer(text: &str) -> Result<usize, String> {
+    match text.trim().parse() {
+        Ok(count) if (64..=1 << 30).contains(&count) => Ok(count),
+        _ => Err("must be a number of triangles, 64 or more".to_owned()),
+    }
+}
+
 /// Reads an angle of view in degrees, above 0 and below 180.
 ///
 /// # Errors
@@ -168,6 +204,22 @@ mod tests {
         assert_eq!(field_of_view("60"), Ok(60.0));
         for text in ["0", "180", "-3", "x"] {
             assert!(field_of_view(text).is_err(), "{text}");
+        }
+        assert_eq!((distance("0"), distance("1e-3")), (Ok(0.0), Ok(0.001)));
+        for text in ["-1", "nan", "inf", "x", ""] {
+            assert!(distance(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn shares_and_buffers_keep_to_their_ranges() {
+        assert_eq!((share("1"), share("0.02")), (Ok(1.0), Ok(0.02)));
+        for text in ["0", "1.01", "-0.5", "2%", "nan"] {
+            assert!(share(text).is_err(), "{text}");
+        }
+        assert_eq!((buffer("64"), buffer("400000")), (Ok(64), Ok(400_000)));
+        for text in ["63", "-1", "1e6", "99999999999999999999", ""] {
+            assert!(buffer(text).is_err(), "{text}");
         }
     }
 

@@ -1,0 +1,406 @@
+//! `xfm decimate`: fewer triangles.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::ValueEnum;
+use mesh_io::{Format, Frame, IndexedMesh, MeshSource};
+use serde::Serialize;
+use stream_decimate::{
+    DecimateOptions, DecimateReport, Stage, Target, decimate, decimate_clustered, decimate_file,
+    decimate_greedy,
+};
+
+use crate::memory::peak_rss;
+use crate::mesh_file::read_mesh_in_frame;
+use crate::mesh_stream::{Input, Output, step_at};
+use crate::progress::{Progress, Unit};
+use crate::repaired;
+use crate::report::{ReportTo, say};
+use crate::threads::limit_threads;
+use crate::{Error, interrupt, text, values};
+
+/// Decimate a mesh of any size in fixed memory
+///
+/// The default method reads the mesh once, holds a part of it in a buffer, and writes the result as it goes; memory depends
+/// on the buffer, not on the mesh. The number of triangles is met exactly unless the topology or the boundary
+/// forbids it, which is then said; what is closed stays closed. Coordinates stay in the input's frame.
+#[derive(Debug, Clone, clap::Args)]
+#[command(group = clap::ArgGroup::new("target").required(true).args(["ratio", "faces", "max_error"]))]
+#[command(after_help = "\
+Examples:
+  To a fiftieth
+    xfm decimate dragon.ply dragon-small.ply --ratio 0.02
+
+  As far as the surface moves by no more than 0.05 units
+    xfm decimate scan.obj.gz scan.glb --max-error 0.05
+
+  Between two other programs, with a larger buffer
+    generate-mesh | xfm decimate - - --from stl --to obj --ratio 0.01 --buffer 2000000 | view-mesh
+
+  The best there is, in memory; and the fastest, which asks nothing about the topology
+    xfm decimate dragon.ply best.ply --faces 20000 --method greedy
+    xfm decimate dragon.ply rough.ply --faces 20000 --method cluster")]
+pub struct DecimateArgs {
+    /// The mesh (.stl, .ply, .obj, .gltf, .glb, each also as .gz or .zst); - is standard input
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// The mesh to write, which may be the input; - is standard output
+    #[arg(value_name = "OUT")]
+    output: PathBuf,
+    /// To this share of the triangles, above 0 and up to 1
+    #[arg(long, value_name = "P", value_parser = values::share)]
+    ratio: Option<f64>,
+    /// To so many triangles
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    faces: Option<u64>,
+    /// As far as the surface moves by no more than this distance, in model units
+    #[arg(long, value_name = "E", value_parser = values::distance)]
+    max_error: Option<f64>,
+    /// Triangles the buffer holds at most, 64 or more
+    #[arg(long, value_name = "N", default_value = "400000", value_parser = values::buffer)]
+    buffer: usize,
+    /// Collapses to choose among, 1 to 64: more is better and slower
+    #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u8).range(1..=64))]
+    candidates: u8,
+    /// Seed of the random choices
+    #[arg(long, value_name = "N", default_value = "0")]
+    seed: u64,
+    /// How to decimate
+    #[arg(long, value_enum, default_value = "stream")]
+    method: Method,
+    /// Format of the input where its name does not tell: stl, ply, obj, gltf, glb
+    #[arg(long, value_name = "FMT", value_parser = values::format)]
+    from: Option<Format>,
+    /// Format of the output where its name does not tell: stl, stla, ply, plya, plyb, obj, gltf, glb
+    #[arg(long, value_name = "FMT", value_parser = values::format)]
+    to: Option<Format>,
+    /// Worker threads [default: one for each core]; the result does not depend on them
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZeroUsize>,
+    /// Folder for scratch files [default: that of the output, or the system's]
+    #[arg(long, value_name = "DIR")]
+    scratch: Option<PathBuf>,
+    /// Report as JSON on standard output, or on standard error if that carries the mesh
+    #[arg(long)]
+    json: bool,
+}
+
+/// The methods by the names the command line has for them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Method {
+    /// In one pass through a buffer (Wu and Kobbelt 2003)
+    Stream,
+    /// In memory, the cheapest collapse of the whole mesh first (Garland and Heckbert 1997)
+    Greedy,
+    /// By clusters of vertices in a grid, about so many triangles (Lindstrom 2000)
+    Cluster,
+}
+
+/// What `xfm decimate` reports; times in seconds, sizes in bytes.
+#[derive(Debug, Clone, Serialize)]
+struct Report {
+    method: Method,
+    input_triangles: u64,
+    output_triangles: u64,
+    target_triangles: Option<u64>,
+    seconds: f64,
+    triangles_per_second: f64,
+    peak_rss: Option<u64>,
+    buffer_triangles: u64,
+    peak_buffer_triangles: u64,
+    missed: Option<BTreeMap<&'static str, u64>>,
+    repaired: BTreeMap<&'static str, u64>,
+    counted: bool,
+    sorted: bool,
+    sealed_vertices: u64,
+    warnings: Vec<String>,
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} of {} triangles in {}, {} per second",
+            text::count(self.output_triangles),
+            text::count(self.input_triangles),
+            text::seconds(self.seconds),
+            text::count(self.triangles_per_second as u64),
+        )?;
+        if let Some(peak) = self.peak_rss {
+            write!(f, ", peak memory {}", text::size(peak))?;
+        }
+        if let (Some(target), Some(missed)) = (self.target_triangles, &self.missed) {
+            let (asked, got) = (text::count(target), text::count(self.output_triangles));
+            write!(f, "\nasked {asked}, got {got}")?;
+            if let Some(reasons) = repaired::words(missed) {
+                write!(f, ": {reasons}")?;
+            }
+        }
+        if let Some(repaired) = repaired::words(&self.repaired) {
+            write!(f, "\nrepaired: {repaired}")?;
+        }
+        if self.sorted {
+            write!(f, "\nthe triangles were sorted along the longest axis first")?;
+        } else if self.counted && self.method == Method::Stream {
+            write!(f, "\nthe file was read once more, to learn where its boundaries are")?;
+        }
+        if self.sealed_vertices > 0 {
+            let count = text::count(self.sealed_vertices);
+            write!(f, "\n{count} vertices were taken for true boundary, having waited longest")?;
+        }
+        Ok(())
+    }
+}
+
+impl DecimateArgs {
+    fn options(&self) -> DecimateOptions {
+        let target = match (self.ratio, self.faces, self.max_error) {
+            (Some(ratio), ..) => Target::Ratio(ratio),
+            (_, Some(faces), _) => Target::Triangles(faces),
+            (.., error) => Target::MaxError(error.unwrap_or(0.0)),
+        };
+        let mut options = DecimateOptions::new(target);
+        options.buffer_triangles = self.buffer;
+        options.candidates = usize::from(self.candidates);
+        options.seed = self.seed;
+        options.threads = self.threads;
+        options
+    }
+
+    fn scratch(&self) -> PathBuf {
+        let beside = || self.output.parent().filter(|folder| folder.is_dir());
+        match (&self.scratch, beside()) {
+            (Some(folder), _) => folder.clone(),
+            (None, Some(folder)) => folder.to_owned(),
+            (None, None) => std::env::temp_dir(),
+        }
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+///
+/// An input that cannot be read, or is in an order that cannot be followed; an output that cannot be written; an
+/// interruption.
+pub fn run(args: &DecimateArgs) -> Result<(), Error> {
+    let start = Instant::now();
+    limit_threads(args.threads)?;
+    let input = Input::new(&args.input, args.from);
+    let output = Output::new(&args.output, args.to)?;
+    let done = match args.method {
+        Method::Stream => stream(args, &input, &output),
+        Method::Greedy => greedy(args, &input, &output),
+        Method::Cluster => cluster(args, &input, &output),
+    };
+    let done = match done {
+        Err(_) if output.has_no_reader() && !interrupt::is_requested() => return Ok(()),
+        done => done?,
+    };
+    let warnings = done.warnings(args, &output);
+    for warning in &warnings {
+        say(&format!("warning: {warning}"));
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    let report = done.report;
+    let report = Report {
+        method: args.method,
+        input_triangles: report.input_triangles,
+        output_triangles: report.output_triangles,
+        target_triangles: report.target_triangles,
+        seconds,
+        triangles_per_second: report.input_triangles as f64 / seconds,
+        peak_rss: peak_rss(),
+        buffer_triangles: match args.method {
+            Method::Stream => args.buffer as u64,
+            _ => report.peak_buffer_triangles,
+        },
+        peak_buffer_triangles: report.peak_buffer_triangles,
+        missed: report.missed.map(|missed| missed.counts().into()),
+        repaired: report.repaired.counts().into(),
+        counted: report.counted,
+        sorted: report.sorted,
+        sealed_vertices: report.sealed_vertices,
+        warnings,
+    };
+    let report_to = match (args.json, output.is_pipe()) {
+        (true, true) => ReportTo::ScriptsBesideMesh,
+        (json, _) => ReportTo::new(json),
+    };
+    report_to.deliver(&report)
+}
+
+/// What came of a run.
+struct Done {
+    report: DecimateReport,
+    frame: Frame,
+    /// The largest absolute coordinate, in the frame.
+    largest: f32,
+}
+
+impl Done {
+    fn warnings(&self, args: &DecimateArgs, output: &Output) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let step = step_at(self.largest);
+        if let Some(most) = args.max_error.filter(|&most| step > most) {
+            warnings.push(format!(
+                "{}: coordinates are {} apart in single precision, more than the largest error asked for, {}; move the \
+                 mesh nearer to its origin",
+                args.input.display(),
+                text::number(step, 3),
+                text::number(most, 3)
+            ));
+        }
+        if self.frame.double && !output.format.holds_doubles() {
+            let far = self.frame.origin.abs().max_element() as f32 + self.largest;
+            warnings.push(format!(
+                "{}: the format {} holds single precision only, in which coordinates are {} apart there; .ply and .obj \
+                 keep them",
+                output.name(),
+                output.format.name(),
+                text::number(step_at(far), 3)
+            ));
+        }
+        warnings
+    }
+}
+
+/// Turns the library's error into the command's, which names the input.
+fn failed(input: &Input) -> impl Fn(stream_decimate::Error) -> Error {
+    let name = input.name();
+    move |error| match error {
+        stream_decimate::Error::Mesh(error) => error.into(),
+        stream_decimate::Error::Interrupted => Error::Interrupted,
+        source => Error::Decimate { name: name.clone(), source },
+    }
+}
+
+fn stream(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, Error> {
+    let options = args.options();
+    let mut bar = Bar::default();
+    let mut observer = |progress: &stream_decimate::Progress| {
+        bar.show_stream(progress);
+        go_on(output)
+    };
+    if !input.is_file() {
+        let mut source = input.open()?;
+        let frame = source.frame();
+        let mut sink = output.create(frame)?;
+        let report =
+            decimate(&mut *source, &mut *sink, &options, &mut observer).map_err(failed(input))?;
+        sink.finish()?;
+        return Ok(Done { report, frame, largest: input.largest() });
+    }
+    let scratch = args.scratch();
+    let mut frame = Frame::default();
+    let mut create = |of_input: Frame| {
+        frame = of_input;
+        output.create_whole(frame, &scratch)
+    };
+    let report =
+        decimate_file(&mut || input.open(), &mut create, &options, &scratch, &mut observer)
+            .map_err(failed(input))?;
+    Ok(Done { report, frame, largest: input.largest() })
+}
+
+fn greedy(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, Error> {
+    let (mesh, frame) = read_mesh_in_frame(&args.input, args.from)?;
+    let largest = largest_of(&mesh);
+    let target = args.options().target.triangles(mesh.triangles.len() as u64);
+    let mut bar = Bar::default();
+    let mut observer = |progress: &stream_decimate::Progress| {
+        bar.show_greedy(progress, target.unwrap_or(0));
+        go_on(output)
+    };
+    let (decimated, report) =
+        decimate_greedy(&mesh, &args.options(), &mut observer).map_err(failed(input))?;
+    drop(mesh);
+    drop(bar);
+    output.write(&decimated, frame)?;
+    Ok(Done { report, frame, largest })
+}
+
+fn cluster(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, Error> {
+    let mut bar = Bar::default();
+    let mut observer = |progress: &stream_decimate::Progress| {
+        bar.show_stream(progress);
+        go_on(output)
+    };
+    let options = args.options();
+    let (decimated, report, frame, largest) = if input.is_file() {
+        let frame = input.open()?.frame();
+        let (decimated, report) = decimate_clustered(&mut || input.open(), &options, &mut observer)
+            .map_err(failed(input))?;
+        (decimated, report, frame, input.largest())
+    } else {
+        // What comes once only is kept.
+        let (mesh, frame) = read_mesh_in_frame(&args.input, args.from)?;
+        let mut open = || Ok(Box::new(MeshSource::new(mesh.clone(), &input.name())) as _);
+        let (decimated, report) =
+            decimate_clustered(&mut open, &options, &mut observer).map_err(failed(input))?;
+        (decimated, report, frame, largest_of(&mesh))
+    };
+    drop(bar);
+    output.write(&decimated, frame)?;
+    Ok(Done { report, frame, largest })
+}
+
+fn largest_of(mesh: &IndexedMesh) -> f32 {
+    mesh.bounds().map_or(0.0, |(low, high)| low.abs().max(high.abs()).max_element())
+}
+
+/// Whether there is still somebody who wants the result.
+fn go_on(output: &Output) -> ControlFlow<()> {
+    if interrupt::is_requested() || output.has_no_reader() {
+        ControlFlow::Break(())
+    } else {
+        ControlFlow::Continue(())
+    }
+}
+
+/// The progress bar of the stage a run is in.
+#[derive(Default)]
+struct Bar(Option<(Stage, Progress)>);
+
+impl Bar {
+    fn at(&mut self, stage: Stage, total: Option<u64>) -> &Progress {
+        if self.0.as_ref().is_none_or(|shown| shown.0 != stage) {
+            let task = match stage {
+                Stage::Counting => "counting",
+                Stage::Sorting => "sorting",
+                _ => "decimating",
+            };
+            // The old one goes before the new one comes.
+            self.0 = None;
+            self.0 = Some((stage, Progress::new(task, total, Unit::Items)));
+        }
+        let (_, bar) = self.0.as_ref().expect("just made");
+        if let Some(total) = total {
+            bar.set_total(total);
+        }
+        bar
+    }
+
+    /// Triangles read, how full the buffer is, and the share of the triangles that it has kept.
+    fn show_stream(&mut self, progress: &stream_decimate::Progress) {
+        let bar = self.at(progress.stage, progress.expected);
+        bar.set(progress.read);
+        if progress.stage == Stage::Decimating && progress.capacity > 0 {
+            let filled = 100 * progress.buffered / progress.capacity;
+            let level = 100.0 * progress.resolution;
+            bar.describe(format!("decimating (buffer {filled} %, resolution {level:.1} %)"));
+        }
+    }
+
+    /// Triangles that are gone of those that have to go.
+    fn show_greedy(&mut self, progress: &stream_decimate::Progress, target: u64) {
+        let bar = self.at(progress.stage, Some(progress.capacity.saturating_sub(target)));
+        bar.set(progress.capacity.saturating_sub(progress.buffered));
+    }
+}
