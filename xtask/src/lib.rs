@@ -18,6 +18,7 @@
 //! # Ok::<(), xtask::Error>(())
 //! ```
 
+pub mod bench;
 pub mod command_line;
 pub mod compare;
 pub mod conformance;
