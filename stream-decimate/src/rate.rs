@@ -15,7 +15,7 @@ use crate::portion::{Vertex, Window, state};
 
 /// What moving the surface by a distance costs, as a share of that distance to the fourth power: the quadrics alone would
 /// cut off thin spikes and needles, which have no area to speak of.
-const DEVIATION_WEIGHT: f32 = 10.0;
+const DEVIATION_WEIGHT: f32 = 40.0;
 
 /// A neighbour that was the best may cost so many times the second best before another one is looked for.
 pub(crate) const TOLERANCE: f32 = 3.0;
