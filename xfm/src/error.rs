@@ -57,6 +57,29 @@ pub enum Error {
         /// What is wrong with it.
         source: stream_decimate::Error,
     },
+    /// The folder for scratch files is not there.
+    #[error("{}: there is no such folder; create it, or name another one with --scratch", folder.display())]
+    NoScratchFolder {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A scratch file could not be made or written.
+    #[error("{}: scratch file: {source}; free some space there, or name another folder with --scratch", folder.display())]
+    Scratch {
+        /// The folder it is in.
+        folder: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The system has no room for the buffer.
+    #[error(
+        "there is no memory for a buffer of {} triangles; ask for a smaller one with --buffer",
+        text::count(*triangles as u64)
+    )]
+    BufferTooLarge {
+        /// The triangles it was to hold.
+        triangles: usize,
+    },
     /// The encoding is not there yet.
     #[error("the encoding `compact` is not available yet; use `--encoding exact`")]
     NoCompactEncoding,

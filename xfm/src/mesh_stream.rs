@@ -1,23 +1,23 @@
 //! Meshes as streams: where they come from and go to, as a command line names them.
 
 use std::fs::File;
-use std::io;
+use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use glam::Vec3;
-use mesh_io::{Format, Frame, IndexedMesh, MeshSource, Triangle, TriangleSink, TriangleSource};
-use tempfile::TempDir;
+use mesh_io::{Format, Frame, IndexedMesh, Triangle, TriangleSink, TriangleSource};
+use tempfile::NamedTempFile;
 
-use crate::Error;
 use crate::pipe::PipeReader;
+use crate::{Error, interrupt};
 
 /// Triangles handed to a sink at once.
 const BATCH: usize = 1 << 14;
 
 /// Whether a path stands for standard input or output.
-pub fn is_pipe(path: &Path) -> bool {
+fn is_pipe(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
@@ -26,28 +26,27 @@ pub fn is_pipe(path: &Path) -> bool {
 pub struct Input {
     path: PathBuf,
     format: Option<Format>,
-    /// The bits of the largest absolute coordinate read so far.
-    largest: Arc<AtomicU32>,
 }
 
 impl Input {
     /// `-` is standard input; the format is `format`, or what the extension says, or else what the content shows.
     pub fn new(path: &Path, format: Option<Format>) -> Self {
-        Self { path: path.to_owned(), format, largest: Arc::default() }
+        Self { path: path.to_owned(), format }
+    }
+
+    /// Whether it is standard input.
+    pub fn is_pipe(&self) -> bool {
+        is_pipe(&self.path)
     }
 
     /// Its name for messages.
     pub fn name(&self) -> String {
-        if is_pipe(&self.path) {
-            "standard input".to_owned()
-        } else {
-            self.path.display().to_string()
-        }
+        if self.is_pipe() { "standard input".to_owned() } else { self.path.display().to_string() }
     }
 
     /// Whether it can be read more than once.
     pub fn is_file(&self) -> bool {
-        !is_pipe(&self.path) && self.path.metadata().is_ok_and(|metadata| metadata.is_file())
+        !self.is_pipe() && self.path.metadata().is_ok_and(|metadata| metadata.is_file())
     }
 
     /// Opens it; again and again, if it is a file.
@@ -56,104 +55,63 @@ impl Input {
     ///
     /// What is wrong with its beginning.
     pub fn open(&self) -> Result<Box<dyn TriangleSource + Send>, mesh_io::Error> {
-        let source = if self.is_file() {
-            mesh_io::open_source_with(&self.path, self.format)?
-        } else if is_pipe(&self.path) {
-            self.open_pipe(io::stdin())?
+        if self.is_file() {
+            mesh_io::open_source_with(&self.path, self.format)
         } else {
-            let name = self.name();
-            let opened = File::open(&self.path).map_err(|source| mesh_io::Error::Io {
-                name,
-                action: "open",
-                source,
-            })?;
-            self.open_pipe(opened)?
+            self.source_from(self.pipe()?)
+        }
+    }
+
+    /// Keeps what comes through a pipe in a scratch file without a name, so that it can be read more than once.
+    ///
+    /// # Errors
+    ///
+    /// What the system refuses.
+    pub fn keep(&self, scratch: &Path) -> Result<Kept<'_>, Error> {
+        let failed = |source| Error::Scratch { folder: scratch.to_owned(), source };
+        let mut pipe = self.pipe()?;
+        let mut file = tempfile::tempfile_in(scratch).map_err(failed)?;
+        io::copy(&mut pipe, &mut file).map_err(failed)?;
+        Ok(Kept { input: self, file })
+    }
+
+    fn pipe(&self) -> Result<PipeReader, mesh_io::Error> {
+        let pipe = if self.is_pipe() {
+            PipeReader::new(io::stdin())
+        } else {
+            // A named pipe keeps waiting until somebody writes to it.
+            interrupt::freely(|| File::open(&self.path)).and_then(PipeReader::new)
         };
-        Ok(Box::new(MeasuredSource { source, largest: Arc::clone(&self.largest) }))
+        pipe.map_err(|source| mesh_io::Error::Io { name: self.name(), action: "open", source })
     }
 
-    fn open_pipe(
+    fn source_from(
         &self,
-        pipe: impl io::Read + Send + 'static,
+        reader: impl io::Read + Send + 'static,
     ) -> Result<Box<dyn TriangleSource + Send>, mesh_io::Error> {
-        let failed = |source| mesh_io::Error::Io { name: self.name(), action: "read", source };
         let format = self.format.or_else(|| Format::from_path(&self.path));
-        mesh_io::source_from_with(PipeReader::new(pipe).map_err(failed)?, format, &self.name())
-    }
-
-    /// The largest absolute coordinate read so far, in the frame it was read in.
-    pub fn largest(&self) -> f32 {
-        f32::from_bits(self.largest.load(Ordering::Relaxed))
+        mesh_io::source_from_with(reader, format, &self.name())
     }
 }
 
-/// How far apart the numbers near `x` are in single precision.
-pub fn step_at(x: f32) -> f64 {
-    f64::from(x.abs().next_up()) - f64::from(x.abs())
+/// What came through a pipe.
+#[derive(Debug)]
+pub struct Kept<'a> {
+    input: &'a Input,
+    file: File,
 }
 
-/// The largest absolute coordinate of triangles; infinities and numbers that are none do not count.
-pub fn largest_coordinate(triangles: &[Triangle]) -> f32 {
-    let finite = |x: f32| if x < f32::INFINITY { x } else { 0.0 };
-    let largest = |most: Vec3, t: &Triangle| most.max(t[0].abs()).max(t[1].abs()).max(t[2].abs());
-    let largest = triangles.iter().fold(Vec3::ZERO, largest).max_element();
-    if largest < f32::INFINITY {
-        return largest;
-    }
-    triangles.as_flattened().iter().flat_map(|p| p.abs().to_array()).map(finite).fold(0.0, f32::max)
-}
-
-/// A source whose coordinates are looked at.
-struct MeasuredSource {
-    source: Box<dyn TriangleSource + Send>,
-    largest: Arc<AtomicU32>,
-}
-
-impl MeasuredSource {
-    fn measure(&self, triangles: &[Triangle]) {
-        // The bits of numbers that are not negative are in the order of the numbers.
-        self.largest.fetch_max(largest_coordinate(triangles).to_bits(), Ordering::Relaxed);
-    }
-}
-
-impl TriangleSource for MeasuredSource {
-    fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, mesh_io::Error> {
-        let before = out.len();
-        let count = self.source.read(out, max)?;
-        self.measure(&out[before..]);
-        Ok(count)
-    }
-
-    fn triangle_count(&self) -> Option<u64> {
-        self.source.triangle_count()
-    }
-
-    fn triangle_hint(&self) -> Option<u64> {
-        self.source.triangle_hint()
-    }
-
-    fn has_vertex_numbers(&self) -> bool {
-        self.source.has_vertex_numbers()
-    }
-
-    fn read_numbered(
-        &mut self,
-        out: &mut Vec<Triangle>,
-        numbers: &mut Vec<[u64; 3]>,
-        max: usize,
-    ) -> Result<usize, mesh_io::Error> {
-        let before = out.len();
-        let count = self.source.read_numbered(out, numbers, max)?;
-        self.measure(&out[before..]);
-        Ok(count)
-    }
-
-    fn look_up(&mut self, numbers: &[[u64; 3]], out: &mut Vec<Triangle>) {
-        self.source.look_up(numbers, out);
-    }
-
-    fn frame(&self) -> Frame {
-        self.source.frame()
+impl Kept<'_> {
+    /// Opens it once more, which ends the reading before.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with its beginning.
+    pub fn open(&mut self) -> Result<Box<dyn TriangleSource + Send>, mesh_io::Error> {
+        let file = self.file.seek(SeekFrom::Start(0)).and_then(|_| self.file.try_clone());
+        let name = self.input.name();
+        let failed = |source| mesh_io::Error::Io { name, action: "read", source };
+        self.input.source_from(file.map_err(failed)?)
     }
 }
 
@@ -163,8 +121,16 @@ pub struct Output {
     path: PathBuf,
     /// What it is written as.
     pub format: Format,
-    /// Whether nobody reads standard output any more.
-    reader_left: Arc<AtomicBool>,
+    written: Arc<Written>,
+}
+
+/// What is known of the triangles written.
+#[derive(Debug, Default)]
+struct Written {
+    /// The bits of the largest absolute coordinate on each axis.
+    farthest: [AtomicU32; 3],
+    /// Whether nobody reads the output any more.
+    reader_left: AtomicBool,
 }
 
 impl Output {
@@ -190,7 +156,7 @@ impl Output {
                 );
             }
         };
-        Ok(Self { path: path.to_owned(), format, reader_left: Arc::default() })
+        Ok(Self { path: path.to_owned(), format, written: Arc::default() })
     }
 
     /// Whether it is standard output.
@@ -203,18 +169,27 @@ impl Output {
         if self.is_pipe() { "standard output".to_owned() } else { self.path.display().to_string() }
     }
 
+    /// Where scratch files go best: beside the output if that is a file, else where the system has them.
+    pub fn scratch_folder(&self) -> PathBuf {
+        let is_file = !self.is_pipe() && self.path.metadata().map_or(true, |m| m.is_file());
+        match self.path.parent() {
+            _ if !is_file => std::env::temp_dir(),
+            Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+            _ => PathBuf::from("."),
+        }
+    }
+
     /// A sink for triangles in a frame.
     ///
     /// # Errors
     ///
     /// What the system refuses.
     pub fn create(&self, frame: Frame) -> Result<Box<dyn TriangleSink + Send>, mesh_io::Error> {
-        if self.is_pipe() {
-            let sink = mesh_io::sink_to_in(io::stdout(), self.format, frame)?;
-            let reader_left = Arc::clone(&self.reader_left);
-            return Ok(Box::new(PipeSink { sink, reader_left }));
-        }
-        mesh_io::create_sink_in(&self.path, Some(self.format), frame)
+        let sink = match self.is_pipe() {
+            true => mesh_io::sink_to_in(io::stdout(), self.format, frame)?,
+            false => mesh_io::create_sink_in(&self.path, Some(self.format), frame)?,
+        };
+        Ok(Box::new(WatchedSink { sink, written: Arc::clone(&self.written) }))
     }
 
     /// A sink that writes nothing before it is finished, so that it may be dropped for another one. A pipe's waits in
@@ -232,14 +207,12 @@ impl Output {
             return self.create(frame);
         }
         let name = scratch.display().to_string();
-        let folder =
-            tempfile::Builder::new().prefix("xfm-").tempdir_in(scratch).map_err(|source| {
-                mesh_io::Error::Io { name, action: "make a scratch folder there", source }
-            })?;
-        let file = folder.path().join("mesh");
-        let sink = mesh_io::create_sink_in(&file, Some(self.format), frame)?;
-        let reader_left = Arc::clone(&self.reader_left);
-        Ok(Box::new(WaitingSink { sink, file, _folder: folder, reader_left }))
+        let failed =
+            |source| mesh_io::Error::Io { name, action: "make a scratch file there", source };
+        let file = NamedTempFile::with_prefix_in("xfm-", scratch).map_err(failed)?;
+        let sink = mesh_io::create_sink_in(file.path(), Some(self.format), frame)?;
+        let sink = Box::new(WaitingSink { sink, file });
+        Ok(Box::new(WatchedSink { sink, written: Arc::clone(&self.written) }))
     }
 
     /// Writes a whole mesh whose positions are in a frame.
@@ -249,66 +222,87 @@ impl Output {
     /// What the system refuses.
     pub fn write(&self, mesh: &IndexedMesh, frame: Frame) -> Result<(), mesh_io::Error> {
         if frame == Frame::default() {
-            return match self.is_pipe() {
-                true => {
-                    note(mesh_io::write_mesh_to(io::stdout(), self.format, mesh), &self.reader_left)
-                }
+            self.written.note_positions(&mesh.positions);
+            let written = match self.is_pipe() {
+                true => mesh_io::write_mesh_to(io::stdout(), self.format, mesh),
                 false => mesh_io::write_mesh_as(&self.path, Some(self.format), mesh),
             };
+            return self.written.note_end(written);
         }
         // Only sinks write in other frames.
         let mut sink = self.create(frame)?;
-        let mut source = MeshSource::new(mesh.clone(), &self.name());
-        let mut batch = Vec::new();
-        while source.read(&mut batch, BATCH)? > 0 {
-            sink.write(&batch)?;
-            batch.clear();
+        for triangles in mesh.triangles.chunks(BATCH) {
+            let corners = |triangle: &[u32; 3]| triangle.map(|v| mesh.positions[v as usize]);
+            sink.write(&triangles.iter().map(corners).collect::<Vec<_>>())?;
         }
         sink.finish()
     }
 
-    /// Whether nobody reads standard output any more: whoever did has seen what they wanted.
+    /// Whether nobody reads the output any more: whoever did has seen what they wanted.
     pub fn has_no_reader(&self) -> bool {
-        self.reader_left.load(Ordering::Relaxed)
+        self.written.reader_left.load(Ordering::Relaxed)
+    }
+
+    /// How far apart neighbouring coordinates may lie, at most, in what was written in a frame.
+    pub fn step(&self, frame: Frame) -> f64 {
+        // Where the file holds single precision, it is that about the file's own origin.
+        let is_rounded = frame.double && !self.format.holds_doubles();
+        let origin = if is_rounded { frame.origin.abs().to_array() } else { [0.0; 3] };
+        let steps = self.written.farthest.iter().zip(origin).map(|(farthest, origin)| {
+            let farthest = f64::from(f32::from_bits(farthest.load(Ordering::Relaxed)));
+            step_at((origin + farthest) as f32)
+        });
+        steps.fold(0.0, f64::max)
     }
 }
 
-/// Notes that the reader has left, if that is the error.
-fn note(
-    result: Result<(), mesh_io::Error>,
-    reader_left: &AtomicBool,
-) -> Result<(), mesh_io::Error> {
-    if let Err(mesh_io::Error::Io { source, .. }) = &result
-        && source.kind() == io::ErrorKind::BrokenPipe
-    {
-        reader_left.store(true, Ordering::Relaxed);
+/// How far apart the numbers near `x` are in single precision.
+fn step_at(x: f32) -> f64 {
+    f64::from(x.abs().next_up()) - f64::from(x.abs())
+}
+
+impl Written {
+    fn note_positions(&self, positions: &[Vec3]) {
+        let farthest = positions.iter().fold(Vec3::ZERO, |far, position| far.max(position.abs()));
+        for (axis, farthest) in self.farthest.iter().zip(farthest.to_array()) {
+            // The bits of numbers that are not negative are in the order of the numbers.
+            axis.fetch_max(farthest.to_bits(), Ordering::Relaxed);
+        }
     }
-    result
+
+    /// Notes that the reader has left, if that is the error.
+    fn note_end(&self, result: Result<(), mesh_io::Error>) -> Result<(), mesh_io::Error> {
+        if let Err(mesh_io::Error::Io { source, .. }) = &result
+            && source.kind() == io::ErrorKind::BrokenPipe
+        {
+            self.reader_left.store(true, Ordering::Relaxed);
+        }
+        result
+    }
 }
 
-/// A sink to standard output that notes when the reader has left.
-struct PipeSink<'a> {
-    sink: Box<dyn TriangleSink + Send + 'a>,
-    reader_left: Arc<AtomicBool>,
+/// A sink that notes what goes through.
+struct WatchedSink {
+    sink: Box<dyn TriangleSink + Send>,
+    written: Arc<Written>,
 }
 
-impl TriangleSink for PipeSink<'_> {
+impl TriangleSink for WatchedSink {
     fn write(&mut self, triangles: &[Triangle]) -> Result<(), mesh_io::Error> {
-        note(self.sink.write(triangles), &self.reader_left)
+        self.written.note_positions(triangles.as_flattened());
+        self.written.note_end(self.sink.write(triangles))
     }
 
     fn finish(self: Box<Self>) -> Result<(), mesh_io::Error> {
-        note(self.sink.finish(), &self.reader_left)
+        self.written.note_end(self.sink.finish())
     }
 }
 
 /// A sink to a file that is copied to standard output at the end.
 struct WaitingSink {
     sink: Box<dyn TriangleSink + Send>,
-    file: PathBuf,
-    /// Removed with the file when this is dropped.
-    _folder: TempDir,
-    reader_left: Arc<AtomicBool>,
+    /// What the sink replaces; removed when this is dropped.
+    file: NamedTempFile,
 }
 
 impl TriangleSink for WaitingSink {
@@ -317,33 +311,48 @@ impl TriangleSink for WaitingSink {
     }
 
     fn finish(self: Box<Self>) -> Result<(), mesh_io::Error> {
-        self.sink.finish()?;
-        let copied = File::open(&self.file)
-            .and_then(|mut file| io::copy(&mut file, &mut io::stdout()))
-            .and_then(|_| io::Write::flush(&mut io::stdout()));
-        let failed =
-            |source| mesh_io::Error::Io { name: "output".to_owned(), action: "write", source };
-        note(copied.map_err(failed), &self.reader_left)
+        let Self { sink, file } = *self;
+        sink.finish()?;
+        let whole = File::open(file.path());
+        // Without a name, nothing is left of it even if the copying is broken off.
+        drop(file);
+        let copied = whole.and_then(|mut whole| {
+            interrupt::freely(|| io::copy(&mut whole, &mut io::stdout().lock()))
+        });
+        let name = "standard output".to_owned();
+        match copied {
+            Ok(_) => Ok(()),
+            Err(source) => Err(mesh_io::Error::Io { name, action: "write", source }),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     #[test]
-    fn the_largest_coordinate_is_the_largest_finite_one() {
-        let triangle = |x: f32| [Vec3::new(1.0, -2.0, x), Vec3::ZERO, Vec3::ONE];
-        assert_eq!(largest_coordinate(&[triangle(0.0), triangle(-7.0)]), 7.0);
-        for odd in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            assert_eq!(largest_coordinate(&[triangle(odd), triangle(3.0)]), 3.0);
-        }
-        assert_eq!(largest_coordinate(&[]), 0.0);
+    fn the_step_is_that_of_the_farthest_coordinate_as_it_is_stored() {
+        let output = |name: &str| {
+            let output = Output::new(name.as_ref(), None).expect("a format and a folder");
+            output.written.note_positions(&[Vec3::new(1.0, -3.0, 0.5), Vec3::ZERO]);
+            output
+        };
+        let near = Frame::default();
+        assert_eq!(output("a.stl").step(near), f64::from(f32::EPSILON) * 2.0);
+        let far = Frame { origin: DVec3::new(0.0, -1e6, 0.0), double: true };
+        assert_eq!(output("a.ply").step(far), f64::from(f32::EPSILON) * 2.0);
+        assert_eq!(output("a.stl").step(far), 0.0625);
     }
 
     #[test]
-    fn steps_double_with_the_size() {
-        assert_eq!(step_at(1_000_000.0), 0.0625);
-        assert_eq!(step_at(-4_000_000.0), 0.25);
+    fn scratch_files_go_beside_files_only() {
+        let folder = |name: &str| Output::new(name.as_ref(), Some(Format::Obj)).expect(name);
+        assert_eq!(folder("a.obj").scratch_folder(), Path::new("."));
+        assert_eq!(folder("-").scratch_folder(), std::env::temp_dir());
+        #[cfg(unix)]
+        assert_eq!(folder("/dev/null").scratch_folder(), std::env::temp_dir());
     }
 }

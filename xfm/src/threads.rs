@@ -20,16 +20,3 @@ pub fn with_threads<T: Send>(
         .map_err(|source| Error::Threads { source })?;
     pool.install(work)
 }
-
-/// Has all work in the process that asks for no number of threads of its own done by so many, or one for each core.
-///
-/// # Errors
-///
-/// [`Error::Threads`] if the system does not give that many, or the threads are there already.
-pub fn limit_threads(threads: Option<NonZeroUsize>) -> Result<(), Error> {
-    let Some(threads) = threads else { return Ok(()) };
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.get())
-        .build_global()
-        .map_err(|source| Error::Threads { source })
-}

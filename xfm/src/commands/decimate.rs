@@ -1,28 +1,32 @@
 //! `xfm decimate`: fewer triangles.
 
-use std::collections::BTreeMap;
+mod bar;
+
 use std::fmt;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::ValueEnum;
-use mesh_io::{Format, Frame, IndexedMesh, MeshSource};
+use mesh_io::{Format, Frame, IndexedMesh};
 use serde::Serialize;
 use stream_decimate::{
-    DecimateOptions, DecimateReport, Stage, Target, decimate, decimate_clustered, decimate_file,
+    DecimateOptions, DecimateReport, Target, decimate, decimate_clustered, decimate_file,
     decimate_greedy,
 };
 
+use self::bar::Bar;
 use crate::memory::peak_rss;
 use crate::mesh_file::read_mesh_in_frame;
-use crate::mesh_stream::{Input, Output, step_at};
-use crate::progress::{Progress, Unit};
-use crate::repaired;
+use crate::mesh_stream::{Input, Kept, Output};
+use crate::repaired::{self, Repaired};
 use crate::report::{ReportTo, say};
-use crate::threads::limit_threads;
+use crate::threads::with_threads;
 use crate::{Error, interrupt, text, values};
+
+/// Memory that the buffer takes for each of its triangles, about.
+const BUFFER_BYTES: usize = 128;
 
 /// Decimate a mesh of any size in fixed memory
 ///
@@ -114,12 +118,15 @@ struct Report {
     peak_rss: Option<u64>,
     buffer_triangles: u64,
     peak_buffer_triangles: u64,
-    missed: Option<BTreeMap<&'static str, u64>>,
-    repaired: BTreeMap<&'static str, u64>,
+    missed: Option<Repaired>,
+    repaired: Repaired,
     counted: bool,
     sorted: bool,
     sealed_vertices: u64,
     warnings: Vec<String>,
+    /// The counts in words, as in `asked 500, got 512: boundary 9`.
+    #[serde(skip)]
+    outcome: String,
 }
 
 impl fmt::Display for Report {
@@ -135,12 +142,8 @@ impl fmt::Display for Report {
         if let Some(peak) = self.peak_rss {
             write!(f, ", peak memory {}", text::size(peak))?;
         }
-        if let (Some(target), Some(missed)) = (self.target_triangles, &self.missed) {
-            let (asked, got) = (text::count(target), text::count(self.output_triangles));
-            write!(f, "\nasked {asked}, got {got}")?;
-            if let Some(reasons) = repaired::words(missed) {
-                write!(f, ": {reasons}")?;
-            }
+        if self.missed.is_some() {
+            write!(f, "\n{}", self.outcome)?;
         }
         if let Some(repaired) = repaired::words(&self.repaired) {
             write!(f, "\nrepaired: {repaired}")?;
@@ -173,12 +176,22 @@ impl DecimateArgs {
         options
     }
 
-    fn scratch(&self) -> PathBuf {
-        let beside = || self.output.parent().filter(|folder| folder.is_dir());
-        match (&self.scratch, beside()) {
-            (Some(folder), _) => folder.clone(),
-            (None, Some(folder)) => folder.to_owned(),
-            (None, None) => std::env::temp_dir(),
+    /// Options with a buffer that the system has room for: where it has not, that is told rather than died of.
+    fn stream_options(&self) -> Result<DecimateOptions, Error> {
+        let mut room = Vec::<u8>::new();
+        match self.buffer.checked_mul(BUFFER_BYTES).map(|bytes| room.try_reserve_exact(bytes)) {
+            Some(Ok(())) => Ok(self.options()),
+            _ => Err(Error::BufferTooLarge { triangles: self.buffer }),
+        }
+    }
+
+    fn scratch(&self, output: &Output) -> Result<PathBuf, Error> {
+        match &self.scratch {
+            Some(folder) if !folder.is_dir() => {
+                Err(Error::NoScratchFolder { folder: folder.clone() })
+            }
+            Some(folder) => Ok(folder.clone()),
+            None => Ok(output.scratch_folder()),
         }
     }
 }
@@ -191,24 +204,36 @@ impl DecimateArgs {
 /// interruption.
 pub fn run(args: &DecimateArgs) -> Result<(), Error> {
     let start = Instant::now();
-    limit_threads(args.threads)?;
     let input = Input::new(&args.input, args.from);
     let output = Output::new(&args.output, args.to)?;
-    let done = match args.method {
-        Method::Stream => stream(args, &input, &output),
+    let scratch = args.scratch(&output)?;
+    let done = with_threads(args.threads, || match args.method {
+        Method::Stream if input.is_file() => stream_file(args, &input, &output, &scratch),
+        Method::Stream => stream_pipe(args, &input, &output),
         Method::Greedy => greedy(args, &input, &output),
-        Method::Cluster => cluster(args, &input, &output),
-    };
+        Method::Cluster => cluster(args, &input, &output, &scratch),
+    });
     let done = match done {
+        // Who read the output has seen what they wanted.
         Err(_) if output.has_no_reader() && !interrupt::is_requested() => return Ok(()),
+        // The output's format was known before.
+        Err(Error::Mesh(mesh_io::Error::UnknownFormat { .. })) if input.is_pipe() => {
+            return Err(Error::NoFormat);
+        }
         done => done?,
     };
     let warnings = done.warnings(args, &output);
-    for warning in &warnings {
-        say(&format!("warning: {warning}"));
+    let report_to = match (args.json, output.is_pipe()) {
+        (true, true) => ReportTo::ScriptsBesideMesh,
+        (json, _) => ReportTo::new(json),
+    };
+    // Not into the middle of the JSON, which has them too.
+    if report_to != ReportTo::ScriptsBesideMesh {
+        warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     }
     let seconds = start.elapsed().as_secs_f64();
     let report = done.report;
+    let outcome = report.to_string();
     let report = Report {
         method: args.method,
         input_triangles: report.input_triangles,
@@ -228,10 +253,7 @@ pub fn run(args: &DecimateArgs) -> Result<(), Error> {
         sorted: report.sorted,
         sealed_vertices: report.sealed_vertices,
         warnings,
-    };
-    let report_to = match (args.json, output.is_pipe()) {
-        (true, true) => ReportTo::ScriptsBesideMesh,
-        (json, _) => ReportTo::new(json),
+        outcome,
     };
     report_to.deliver(&report)
 }
@@ -240,31 +262,25 @@ pub fn run(args: &DecimateArgs) -> Result<(), Error> {
 struct Done {
     report: DecimateReport,
     frame: Frame,
-    /// The largest absolute coordinate, in the frame.
-    largest: f32,
 }
 
 impl Done {
     fn warnings(&self, args: &DecimateArgs, output: &Output) -> Vec<String> {
+        let step = output.step(self.frame);
+        let rounded = format!("its coordinates are rounded to steps of {}", text::number(step, 3));
         let mut warnings = Vec::new();
-        let step = step_at(self.largest);
         if let Some(most) = args.max_error.filter(|&most| step > most) {
             warnings.push(format!(
-                "{}: coordinates are {} apart in single precision, more than the largest error asked for, {}; move the \
-                 mesh nearer to its origin",
-                args.input.display(),
-                text::number(step, 3),
+                "{}: {rounded}, more than the largest error asked for, {}; move the mesh nearer to its origin",
+                output.name(),
                 text::number(most, 3)
             ));
         }
         if self.frame.double && !output.format.holds_doubles() {
-            let far = self.frame.origin.abs().max_element() as f32 + self.largest;
             warnings.push(format!(
-                "{}: the format {} holds single precision only, in which coordinates are {} apart there; .ply and .obj \
-                 keep them",
+                "{}: {rounded}, because the format {} holds single precision only; ply and obj keep the input's digits",
                 output.name(),
-                output.format.name(),
-                text::number(step_at(far), 3)
+                output.format.name()
             ));
         }
         warnings
@@ -281,78 +297,94 @@ fn failed(input: &Input) -> impl Fn(stream_decimate::Error) -> Error {
     }
 }
 
-fn stream(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, Error> {
-    let options = args.options();
+fn stream_file(
+    args: &DecimateArgs,
+    input: &Input,
+    output: &Output,
+    scratch: &Path,
+) -> Result<Done, Error> {
+    let options = args.stream_options()?;
     let mut bar = Bar::default();
     let mut observer = |progress: &stream_decimate::Progress| {
         bar.show_stream(progress);
         go_on(output)
     };
-    if !input.is_file() {
+    let mut frame = Frame::default();
+    let mut create = |of_input: Frame| {
+        frame = of_input;
+        output.create_whole(frame, scratch)
+    };
+    let report = decimate_file(&mut || input.open(), &mut create, &options, scratch, &mut observer)
+        .map_err(failed(input))?;
+    Ok(Done { report, frame })
+}
+
+fn stream_pipe(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, Error> {
+    let options = args.stream_options()?;
+    let stream = || {
+        let mut bar = Bar::default();
+        let mut observer = |progress: &stream_decimate::Progress| {
+            bar.show_stream(progress);
+            go_on(output)
+        };
         let mut source = input.open()?;
         let frame = source.frame();
         let mut sink = output.create(frame)?;
         let report =
             decimate(&mut *source, &mut *sink, &options, &mut observer).map_err(failed(input))?;
         sink.finish()?;
-        return Ok(Done { report, frame, largest: input.largest() });
-    }
-    let scratch = args.scratch();
-    let mut frame = Frame::default();
-    let mut create = |of_input: Frame| {
-        frame = of_input;
-        output.create_whole(frame, &scratch)
+        Ok(Done { report, frame })
     };
-    let report =
-        decimate_file(&mut || input.open(), &mut create, &options, &scratch, &mut observer)
-            .map_err(failed(input))?;
-    Ok(Done { report, frame, largest: input.largest() })
+    // From pipe to pipe nothing has a name that would be left behind, and nothing else breaks off the waiting for whoever
+    // reads.
+    if output.is_pipe() { interrupt::freely(stream) } else { stream() }
 }
 
 fn greedy(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, Error> {
     let (mesh, frame) = read_mesh_in_frame(&args.input, args.from)?;
-    let largest = largest_of(&mesh);
-    let target = args.options().target.triangles(mesh.triangles.len() as u64);
+    let options = args.options();
+    let target = options.target.triangles(mesh.triangles.len() as u64);
     let mut bar = Bar::default();
     let mut observer = |progress: &stream_decimate::Progress| {
         bar.show_greedy(progress, target.unwrap_or(0));
         go_on(output)
     };
     let (decimated, report) =
-        decimate_greedy(&mesh, &args.options(), &mut observer).map_err(failed(input))?;
-    drop(mesh);
-    drop(bar);
-    output.write(&decimated, frame)?;
-    Ok(Done { report, frame, largest })
+        decimate_greedy(&mesh, &options, &mut observer).map_err(failed(input))?;
+    drop((mesh, bar));
+    write(output, &decimated, frame)?;
+    Ok(Done { report, frame })
 }
 
-fn cluster(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, Error> {
+fn cluster(
+    args: &DecimateArgs,
+    input: &Input,
+    output: &Output,
+    scratch: &Path,
+) -> Result<Done, Error> {
+    let mut kept = if input.is_file() { None } else { Some(input.keep(scratch)?) };
+    let mut frame = Frame::default();
+    let mut open = || {
+        let source = kept.as_mut().map_or_else(|| input.open(), Kept::open)?;
+        frame = source.frame();
+        Ok(source)
+    };
     let mut bar = Bar::default();
     let mut observer = |progress: &stream_decimate::Progress| {
         bar.show_stream(progress);
         go_on(output)
     };
-    let options = args.options();
-    let (decimated, report, frame, largest) = if input.is_file() {
-        let frame = input.open()?.frame();
-        let (decimated, report) = decimate_clustered(&mut || input.open(), &options, &mut observer)
-            .map_err(failed(input))?;
-        (decimated, report, frame, input.largest())
-    } else {
-        // What comes once only is kept.
-        let (mesh, frame) = read_mesh_in_frame(&args.input, args.from)?;
-        let mut open = || Ok(Box::new(MeshSource::new(mesh.clone(), &input.name())) as _);
-        let (decimated, report) =
-            decimate_clustered(&mut open, &options, &mut observer).map_err(failed(input))?;
-        (decimated, report, frame, largest_of(&mesh))
-    };
+    let (decimated, report) =
+        decimate_clustered(&mut open, &args.options(), &mut observer).map_err(failed(input))?;
     drop(bar);
-    output.write(&decimated, frame)?;
-    Ok(Done { report, frame, largest })
+    write(output, &decimated, frame)?;
+    Ok(Done { report, frame })
 }
 
-fn largest_of(mesh: &IndexedMesh) -> f32 {
-    mesh.bounds().map_or(0.0, |(low, high)| low.abs().max(high.abs()).max_element())
+fn write(output: &Output, mesh: &IndexedMesh, frame: Frame) -> Result<(), Error> {
+    interrupt::check()?;
+    let write = || Ok(output.write(mesh, frame)?);
+    if output.is_pipe() { interrupt::freely(write) } else { write() }
 }
 
 /// Whether there is still somebody who wants the result.
@@ -361,46 +393,5 @@ fn go_on(output: &Output) -> ControlFlow<()> {
         ControlFlow::Break(())
     } else {
         ControlFlow::Continue(())
-    }
-}
-
-/// The progress bar of the stage a run is in.
-#[derive(Default)]
-struct Bar(Option<(Stage, Progress)>);
-
-impl Bar {
-    fn at(&mut self, stage: Stage, total: Option<u64>) -> &Progress {
-        if self.0.as_ref().is_none_or(|shown| shown.0 != stage) {
-            let task = match stage {
-                Stage::Counting => "counting",
-                Stage::Sorting => "sorting",
-                _ => "decimating",
-            };
-            // The old one goes before the new one comes.
-            self.0 = None;
-            self.0 = Some((stage, Progress::new(task, total, Unit::Items)));
-        }
-        let (_, bar) = self.0.as_ref().expect("just made");
-        if let Some(total) = total {
-            bar.set_total(total);
-        }
-        bar
-    }
-
-    /// Triangles read, how full the buffer is, and the share of the triangles that it has kept.
-    fn show_stream(&mut self, progress: &stream_decimate::Progress) {
-        let bar = self.at(progress.stage, progress.expected);
-        bar.set(progress.read);
-        if progress.stage == Stage::Decimating && progress.capacity > 0 {
-            let filled = 100 * progress.buffered / progress.capacity;
-            let level = 100.0 * progress.resolution;
-            bar.describe(format!("decimating (buffer {filled} %, resolution {level:.1} %)"));
-        }
-    }
-
-    /// Triangles that are gone of those that have to go.
-    fn show_greedy(&mut self, progress: &stream_decimate::Progress, target: u64) {
-        let bar = self.at(progress.stage, Some(progress.capacity.saturating_sub(target)));
-        bar.set(progress.capacity.saturating_sub(progress.buffered));
     }
 }
