@@ -130,7 +130,7 @@ fn insertion(criterion: &mut Criterion) {
     let triangles = torus(length(250), length(400)).to_soup();
     let options = options(2 * triangles.len());
     let mut group = criterion.benchmark_group("insertion");
-    group.sample_size(20).throughput(Throughput::Elements(triangles.len() as u64));
+    group.sample_size(10).throughput(Throughput::Elements(triangles.len() as u64));
     group.bench_function("closed", |b| {
         let into = |decimator: &mut StreamDecimator| push(decimator, &triangles);
         b.iter_batched_ref(|| decimator(&options), into, BatchSize::PerIteration);
