@@ -78,6 +78,8 @@ pub struct StreamDecimator {
     ratio: f64,
     expected: Option<u64>,
     when_crowded: WhenCrowded,
+    /// The axis and the coordinate below which every vertex in the buffer has had its last triangle.
+    below: Option<(usize, f32)>,
     pool: ThreadPool,
     portion: Portion,
     inserter: Inserter,
@@ -129,6 +131,7 @@ impl StreamDecimator {
             ratio,
             expected,
             when_crowded: WhenCrowded::Seal,
+            below: None,
             pool,
             portion,
             inserter,
@@ -173,7 +176,7 @@ impl StreamDecimator {
     ) -> Result<(), Error> {
         for (i, triangle) in triangles.iter().enumerate() {
             if self.is_full() {
-                self.make_room(finality, sink)?;
+                self.make_room(sink)?;
             }
             let inserted = self.inserter.insert(&mut self.portion, triangle);
             self.read += 1;
@@ -194,6 +197,10 @@ impl StreamDecimator {
                     }
                 }
             }
+        }
+        // What is known of the batch is known once all of it is in the buffer.
+        if let Finality::Below { axis, coordinate } = finality {
+            self.below = Some((axis, coordinate));
         }
         Ok(())
     }
@@ -272,13 +279,9 @@ impl StreamDecimator {
     }
 
     /// DECIMATE and WRITE until the buffer is half empty (§4.1's hysteresis).
-    fn make_room(
-        &mut self,
-        finality: Finality<'_>,
-        sink: &mut (impl TriangleSink + ?Sized),
-    ) -> Result<(), Error> {
+    fn make_room(&mut self, sink: &mut (impl TriangleSink + ?Sized)) -> Result<(), Error> {
         self.peak = self.peak.max(self.portion.num_triangles());
-        self.seal_final(finality);
+        self.seal_final();
         let cracks = self.inserter.repairs.late_cracks;
         if cracks > FEW_CRACKS && cracks as f64 > CRACKS_IN_ORDER * self.read as f64 {
             return Err(self.unsorted(self.portion.num_waiting_triangles()));
@@ -332,17 +335,14 @@ impl StreamDecimator {
     }
 
     /// Seals the vertices that are known to have had their last triangle.
-    fn seal_final(&mut self, finality: Finality<'_>) {
+    fn seal_final(&mut self) {
         for v in 0..self.portion.num_slots() as u32 {
             if self.portion.state(v) != state::OPEN {
                 continue;
             }
-            let is_final = match finality {
-                Finality::Unknown => false,
-                Finality::Corners(_) => self.portion.waiting[v as usize] == NOTHING,
-                Finality::Below { axis, coordinate } => self.portion.position(v)[axis] < coordinate,
-            };
-            if is_final {
+            let position = self.portion.position(v);
+            let is_below = self.below.is_some_and(|(axis, coordinate)| position[axis] < coordinate);
+            if is_below || self.portion.waiting[v as usize] == NOTHING {
                 self.inserter.seal(&mut self.portion, v);
             }
         }

@@ -16,6 +16,10 @@ pub(crate) fn reasons(portion: &mut Portion, excess: u64, rules: &Rules) -> Miss
             Forbidden::Flip => flips += 1,
         }
     }
+    if excess == 1 && boundary == 0 {
+        // A closed surface has an even number of triangles.
+        return MissedTarget { topology: 1, ..Default::default() };
+    }
     let all: u64 = boundary + topology + flips;
     let share = |part: u64| (excess * part).checked_div(all).unwrap_or(0);
     let mut missed =
