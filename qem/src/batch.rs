@@ -55,8 +55,10 @@ impl Batch {
         let lane = self.len;
         assert!(lane < LANES, "a batch holds {LANES} quadrics");
         let Quadric { diagonal: d, off_diagonal: o, b, c } = *quadric;
-        let values =
-            [d.x, d.y, d.z, o.x, o.y, o.z, b.x, b.y, b.z, c, at.x, at.y, at.z, near.x, near.y, near.z];
+        let values = [
+            d.x, d.y, d.z, o.x, o.y, o.z, b.x, b.y, b.z, c, at.x, at.y, at.z, near.x, near.y,
+            near.z,
+        ];
         for (row, value) in self.rows.iter_mut().zip(values) {
             row[lane] = value;
         }
@@ -69,15 +71,18 @@ impl Batch {
     /// [`optimum`]: crate::ErrorMetric::optimum
     #[inline]
     pub fn least_costs(&self, center: &Quadric) -> [f32; LANES] {
+        self.minima(center).0
+    }
+
+    /// As [`least_costs`](Self::least_costs), with the minimum's x, y and z as seen from the center.
+    #[inline]
+    pub fn minima(&self, center: &Quadric) -> ([f32; LANES], [[f32; LANES]; 3]) {
         let [xx, yy, zz, yz, xz, xy, bx, by, bz, c, px, py, pz, nx, ny, nz] =
             self.rows.map(f32x8::from);
         let all = f32x8::splat;
         // About the center instead of about `p`.
-        let (mx, my, mz) = (
-            xx * px + xy * py + xz * pz,
-            xy * px + yy * py + yz * pz,
-            xz * px + yz * py + zz * pz,
-        );
+        let (mx, my, mz) =
+            (xx * px + xy * py + xz * pz, xy * px + yy * py + yz * pz, xz * px + yz * py + zz * pz);
         let two = all(2.0);
         let c = c - (px * (two * bx - mx) + py * (two * by - my) + pz * (two * bz - mz));
         let c = c.fast_max(all(0.0)) + all(center.c);
@@ -111,7 +116,7 @@ impl Batch {
             + sy * (xy * sx + yy * sy + yz * sz + two * by)
             + sz * (xz * sx + yz * sy + zz * sz + two * bz)
             + c;
-        cost.fast_max(all(0.0)).to_array()
+        (cost.fast_max(all(0.0)).to_array(), [sx, sy, sz].map(f32x8::to_array))
     }
 
     /// For each quadric, the cost of its sum with `center` at the point `near`.
@@ -170,7 +175,13 @@ mod tests {
                 sum.merge(&center);
                 let expected = sum.cost(sum.optimum(0.5 * *at));
                 let unit = sum.cost(0.5 * *at);
-                assert!((least[lane] - expected).abs() <= 1e-4 * unit, "{expected} {}", least[lane]);
+                assert!(
+                    (least[lane] - expected).abs() <= 1e-4 * unit,
+                    "{expected} {}",
+                    least[lane]
+                );
+                let at = batch.minima(&center).1.map(|row| row[lane]);
+                assert!(sum.cost(Vec3::from_array(at)) <= expected + 1e-4 * unit);
                 assert!((near[lane] - unit).abs() <= 1e-4 * unit, "{unit} {}", near[lane]);
             }
         }

@@ -85,6 +85,8 @@ pub struct StreamDecimator {
     inserter: Inserter,
     decimation: Decimation,
     read: u64,
+    /// How many had been read when the buffer was last decimated to the resolution asked for.
+    read_at_level: u64,
     written: u64,
     peak: usize,
     sealed: u64,
@@ -137,6 +139,7 @@ impl StreamDecimator {
             inserter,
             decimation: Decimation::new(rules, options.candidates, options.seed),
             read: 0,
+            read_at_level: 0,
             written: 0,
             peak: 0,
             sealed: 0,
@@ -227,7 +230,8 @@ impl StreamDecimator {
         }
         let target = self.target.triangles(self.read);
         let goal = target.map_or(0, |target| target.saturating_sub(self.written)) as usize;
-        self.settle_and_run(goal, 0, goal as f64);
+        let sweep_goal = self.sweep_goal(goal);
+        self.settle_and_run(goal, 0, [sweep_goal, goal]);
         let output = self.written + self.portion.num_triangles() as u64;
         let missed = target.filter(|&target| output > target).map(|target| {
             missed::reasons(&mut self.portion, output - target, &self.decimation.rules)
@@ -304,9 +308,13 @@ impl StreamDecimator {
         let most = self.capacity - self.capacity / 4;
         let kept = if rest <= self.capacity as f64 { rest.min(most as f64) } else { 0.0 };
         let goal = half.max(level.max(kept) as usize);
-        self.settle_and_run(goal, slack, self.ratio * self.read as f64);
-        // Written late and much at a time: what stays can still be decimated, and has few frozen vertices.
-        if self.filling() > 0.875 {
+        let at_level = goal as f64 <= level;
+        let sweep_goal = if at_level { self.sweep_goal(goal) } else { goal };
+        self.settle_and_run(goal, slack, [sweep_goal, goal.min(level as usize)]);
+        // What stays can still be decimated; but it takes room from what is read next.
+        let settled = level - waiting as f64 > 0.375 * self.capacity as f64;
+        let full_enough = if settled && kept == 0.0 { 0.5625 } else { 0.875 };
+        if self.filling() > full_enough {
             let left = self.portion.num_triangles() as f64 * 0.5 / self.filling();
             write::write(&mut self.portion, left as usize, &mut self.out);
             self.flush(sink)?;
@@ -319,16 +327,24 @@ impl StreamDecimator {
         Ok(())
     }
 
-    /// Makes candidates of all vertices that have become complete, and decimates to the goal; `level` is the number of
-    /// triangles that those read will have become in the end.
-    fn settle_and_run(&mut self, goal: usize, slack: usize, level: f64) {
+    /// Where sweeps end on the way to a goal at the resolution asked for: at some times as many triangles as those read
+    /// since that was reached last will have become.
+    fn sweep_goal(&mut self, goal: usize) -> usize {
+        let fresh = self.read - std::mem::replace(&mut self.read_at_level, self.read);
+        let ratio =
+            if self.ratio > 0.0 { self.ratio } else { goal as f64 / self.read.max(1) as f64 };
+        goal + ((round::SWEPT - 1.0) * ratio * fresh as f64) as usize
+    }
+
+    /// Makes candidates of all vertices that have become complete, and decimates to the goal, the first part in sweeps.
+    fn settle_and_run(&mut self, goal: usize, slack: usize, [sweep_goal, least]: [usize; 2]) {
         let Self { portion, inserter, decimation, pool, .. } = self;
         inserter.settle(portion);
         pool.install(|| {
             reorder(portion);
             // What a limit leaves undecided until each collapse is tried is no matter for sweeps.
             if !decimation.rules.has_limit() {
-                decimation.sweep(portion, goal.max((round::SWEPT * level) as usize));
+                decimation.sweep(portion, sweep_goal, least);
             }
             decimation.run(portion, goal, slack);
         });

@@ -27,7 +27,7 @@ impl Inserter {
         self.lookup.reset(expected);
         for v in 0..portion.num_slots() as u32 {
             if portion.state(v) == state::OPEN {
-                self.lookup.insert(key(portion.position(v)), v);
+                self.lookup.insert(portion.position(v), v);
             }
         }
     }
@@ -49,10 +49,7 @@ impl Inserter {
             self.repairs.degenerate += 1;
             return None;
         }
-        let found = corners.map(|corner| {
-            let lookup = &self.lookup;
-            lookup.find(key(corner), |v| portion.position(v) == corner)
-        });
+        let found = corners.map(|corner| self.lookup.find(corner, |v| portion.position(v)));
         let found =
             if portion.sealed.is_empty() { found } else { self.trace(portion, corners, found)? };
         let (vertices, joints) = match joints(portion, found) {
@@ -127,14 +124,13 @@ impl Inserter {
     }
 
     /// The vertex at a position whose triangles may still come.
-    pub(crate) fn find(&self, portion: &Portion, position: Vec3) -> Option<u32> {
-        let position = position + Vec3::ZERO;
-        self.lookup.find(key(position), |v| portion.position(v) == position)
+    pub(crate) fn find(&mut self, portion: &Portion, position: Vec3) -> Option<u32> {
+        self.lookup.find(position + Vec3::ZERO, |v| portion.position(v))
     }
 
     fn new_vertex(&mut self, portion: &mut Portion, position: Vec3) -> u32 {
         let v = portion.add_vertex(position);
-        self.lookup.insert(key(position), v);
+        self.lookup.insert(position, v);
         v
     }
 

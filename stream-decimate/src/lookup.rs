@@ -14,11 +14,16 @@ pub(crate) fn key(position: Vec3) -> u32 {
 
 const EMPTY: u32 = u32::MAX;
 
+/// Places that were found lately, to be found again without a look into the table.
+const RECENT: usize = 2048;
+
 /// A hash table with linear probing that only grows; several vertices may have the same key.
 #[derive(Debug, Default)]
 pub(crate) struct Lookup {
     slots: Vec<[u32; 2]>,
     used: usize,
+    /// The vertex that was found last for each lowest part of a key, and where.
+    recent: Vec<(Vec3, u32)>,
 }
 
 impl Lookup {
@@ -28,11 +33,14 @@ impl Lookup {
         let size = (2 * expected.max(64)).next_power_of_two();
         self.slots.clear();
         self.slots.resize(size, [0, EMPTY]);
+        self.recent.clear();
+        self.recent.resize(RECENT, (Vec3::NAN, EMPTY));
     }
 
     /// Adds a vertex.
     #[inline]
-    pub(crate) fn insert(&mut self, key: u32, vertex: u32) {
+    pub(crate) fn insert(&mut self, position: Vec3, vertex: u32) {
+        let key = key(position);
         if 3 * self.used >= 2 * self.slots.len() {
             let old = std::mem::take(&mut self.slots);
             self.reset(old.len());
@@ -41,6 +49,10 @@ impl Lookup {
             }
         }
         self.put(key, vertex);
+        let recent = &mut self.recent[key as usize % RECENT];
+        if recent.0 != position {
+            *recent = (position, vertex);
+        }
     }
 
     #[inline]
@@ -71,9 +83,20 @@ impl Lookup {
         .map(|[_, v]| v)
     }
 
-    /// The first of them.
+    /// The first vertex at a position, where `position_of` tells where they are.
     #[inline]
-    pub(crate) fn find(&self, key: u32, is_it: impl Fn(u32) -> bool) -> Option<u32> {
-        self.find_all(key, is_it).next()
+    pub(crate) fn find(
+        &mut self,
+        position: Vec3,
+        position_of: impl Fn(u32) -> Vec3,
+    ) -> Option<u32> {
+        let key = key(position);
+        let (place, vertex) = self.recent[key as usize % RECENT];
+        if place == position {
+            return Some(vertex);
+        }
+        let found = self.find_all(key, |v| position_of(v) == position).next()?;
+        self.recent[key as usize % RECENT] = (position, found);
+        Some(found)
     }
 }

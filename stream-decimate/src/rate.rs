@@ -36,7 +36,7 @@ impl Rules {
 }
 
 /// Neighbours rated without a list on the heap.
-const MOST_RATED: usize = 24;
+const MOST_RATED: usize = 10;
 
 /// The best collapse of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +49,8 @@ pub(crate) struct Rating {
     pub(crate) target: u32,
     /// At most how far the surface around it will have moved; infinite if the collapse is forbidden, or if nobody asked.
     pub(crate) deviation: f32,
+    /// Where that neighbour will be, as seen from where it is.
+    pub(crate) at: Vec3,
 }
 
 const NONE: Rating = Rating {
@@ -56,6 +58,7 @@ const NONE: Rating = Rating {
     second: f32::INFINITY,
     target: u32::MAX,
     deviation: f32::INFINITY,
+    at: Vec3::ZERO,
 };
 
 /// The cost of collapsing into one neighbour.
@@ -63,6 +66,8 @@ const NONE: Rating = Rating {
 struct Choice {
     cost: f32,
     target: u32,
+    /// Where the neighbour will be, as seen from where it is.
+    at: Vec3,
 }
 
 /// The neighbours that a vertex may be collapsed into, with the costs.
@@ -106,7 +111,7 @@ pub(crate) fn confirm(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rati
         let deviation = checked(window, v, target, at, rules);
         let cost = cost + penalty(deviation);
         if cost <= tolerated && deviation < f32::INFINITY {
-            return Some(Rating { cost, second, target, deviation });
+            return Some(Rating { cost, second, target, deviation, at });
         }
     }
     rate(window, v, rules)
@@ -127,7 +132,7 @@ pub(crate) fn rate(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating>
     let mut choices = choices(window, v, rules);
     let mut choices = choices.all();
     let mut rating = NONE;
-    while let Some((best, Choice { cost, target })) = least(choices) {
+    while let Some((best, Choice { cost, target, at })) = least(choices) {
         if cost >= rating.cost {
             rating.second = rating.second.min(cost);
             break;
@@ -138,11 +143,10 @@ pub(crate) fn rate(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating>
         if !window.has_star(target) {
             return None;
         }
-        let (at, cost) = place(window, v, target, rules);
         let deviation = checked(window, v, target, at, rules);
         let cost = cost + penalty(deviation);
         if cost < rating.cost {
-            rating = Rating { cost, second: rating.cost, target, deviation };
+            rating = Rating { cost, second: rating.cost, target, deviation, at };
         } else {
             rating.second = rating.second.min(cost);
         }
@@ -197,7 +201,7 @@ pub(crate) fn costs(
     mut with: impl FnMut(u32, f32),
 ) -> Rating {
     let mut rating = NONE;
-    for &Choice { cost, target } in choices(window, v, rules).all().iter() {
+    for &Choice { cost, target, .. } in choices(window, v, rules).all().iter() {
         with(target, cost);
         if cost < rating.cost {
             rating = Rating { cost, second: rating.cost, target, ..rating };
@@ -209,15 +213,15 @@ pub(crate) fn costs(
 }
 
 fn choices(window: &Window<'_>, v: u32, rules: &Rules) -> Choices {
-    let nothing = Choice { cost: f32::INFINITY, target: u32::MAX };
+    let nothing = Choice { cost: f32::INFINITY, target: u32::MAX, at: Vec3::ZERO };
     let mut choices = Choices { few: [nothing; MOST_RATED], many: Vec::new(), len: 0 };
     let fans = window.stars.fans(v);
     if !fans.is_ring() {
         for (first, last) in fans.ends().take(1) {
             for u in [first, last] {
                 if window.state(u) & takers(window, v) != 0 {
-                    let (_, cost) = place(window, v, u, rules);
-                    choices.push(Choice { cost, target: u });
+                    let (at, cost) = place(window, v, u, rules);
+                    choices.push(Choice { cost, target: u, at });
                 }
             }
         }
@@ -225,23 +229,24 @@ fn choices(window: &Window<'_>, v: u32, rules: &Rules) -> Choices {
     }
     let center = window.vertex(v);
     let mut batch = Batch::default();
-    let mut targets = [0; LANES];
+    let mut targets = [(0, Vec3::ZERO); LANES];
     for i in 0..fans.len() {
         let u = fans.at(i);
         let takes = window.state(u);
         if takes == state::RING && rules.placement == Placement::Optimal {
             let other = window.vertex(u);
             let at = other.position - center.position;
-            targets[batch.len()] = u;
+            targets[batch.len()] = (u, at);
             batch.push(&other.quadric, at, 0.5 * at);
         } else if takes & state::MAY_TAKE != 0 {
-            let (_, cost) = place(window, v, u, rules);
-            choices.push(Choice { cost, target: u });
+            let (at, cost) = place(window, v, u, rules);
+            choices.push(Choice { cost, target: u, at });
         }
         if batch.len() == LANES || (i + 1 == fans.len() && !batch.is_empty()) {
-            let costs = batch.least_costs(&center.quadric);
-            for (cost, target) in costs.into_iter().zip(targets).take(batch.len()) {
-                choices.push(Choice { cost, target });
+            let (costs, [x, y, z]) = batch.minima(&center.quadric);
+            for (lane, &(target, place)) in targets.iter().enumerate().take(batch.len()) {
+                let at = Vec3::new(x[lane], y[lane], z[lane]) - place;
+                choices.push(Choice { cost: costs[lane], target, at });
             }
             batch.clear();
         }

@@ -15,7 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
 use crate::portion::{Portion, STALE, TAKEN, UNSURE, Window, state};
-use crate::rate::{self, Rules};
+use crate::rate::{self, Rating, Rules};
 use crate::reorder::reorder;
 
 /// Vertices in a window: their data fits into a core's second-level cache.
@@ -66,14 +66,20 @@ impl Decimation {
     }
 
     /// Decimates down to about this number of triangles, in sweeps: far from the target, where many collapses cost
-    /// next to nothing compared to those that will follow, their order matters little.
-    pub(crate) fn sweep(&mut self, portion: &mut Portion, goal: usize) {
+    /// next to nothing compared to those that will follow, their order matters little. There will be `least` triangles or
+    /// more.
+    pub(crate) fn sweep(&mut self, portion: &mut Portion, goal: usize, least: usize) {
         while portion.num_triangles() > goal {
             if 4 * portion.num_vertices() < 3 * portion.num_slots() {
                 reorder(portion);
             }
             let wanted = (portion.num_triangles() - goal).div_ceil(2);
             let Some(threshold) = self.threshold(portion, 4 * wanted, 2) else { return };
+            // Each of these may go, and some that were forbidden before.
+            let below = portion.bounds.iter().filter(|&&bound| bound <= threshold).count();
+            if portion.num_triangles() < least + 3 * below {
+                return;
+            }
             self.num_rounds += 1;
             let rules = self.rules;
             let offset = if self.num_rounds.is_multiple_of(2) { WINDOW / 2 } else { WINDOW };
@@ -216,7 +222,7 @@ fn rate_new(portion: &mut Portion, rules: &Rules) {
     }
 }
 
-fn accept(window: &mut Window<'_>, v: u32, rating: &rate::Rating) {
+fn accept(window: &mut Window<'_>, v: u32, rating: &Rating) {
     *window.bound_mut(v) = rating.cost;
     *window.flags_mut(v) &= !(STALE | UNSURE);
     let vertex = window.vertex_mut(v);
@@ -246,7 +252,7 @@ fn sweep_window(window: &mut Window<'_>, threshold: f32, rules: &Rules) -> Outco
         }
         outcome.triangles += if window.state(v) == state::RING { 2 } else { 1 };
         outcome.collapsed.push((v, u));
-        collapse(window, v, u, rating.deviation, rules);
+        collapse(window, v, u, Some(&rating), rules);
         for i in 0..window.stars.valence(u) {
             let x = window.stars.fans(u).at(i);
             if window.state(x) & state::MAY_GO != 0 {
@@ -295,7 +301,7 @@ fn decimate_window(window: &mut Window<'_>, threshold: f32, rules: &Rules, most:
             continue;
         }
         let flags = window.flags(v);
-        let mut known = f32::INFINITY;
+        let mut known = None;
         if flags & (STALE | UNSURE) != 0 {
             let rating = if flags & STALE != 0 {
                 rate::rate(window, v, rules)
@@ -306,7 +312,7 @@ fn decimate_window(window: &mut Window<'_>, threshold: f32, rules: &Rules, most:
             accept(window, v, &rating);
             let next = heap.peek().map_or(u32::MAX, |Reverse((key, _))| *key);
             if rating.cost <= threshold && bits(rating.cost) <= next.max(key) {
-                known = rating.deviation;
+                known = Some(rating);
             } else {
                 if rating.cost <= threshold {
                     heap.push(Reverse((bits(rating.cost), v)));
@@ -322,7 +328,7 @@ fn decimate_window(window: &mut Window<'_>, threshold: f32, rules: &Rules, most:
         if outcome.triangles + gone > most {
             continue;
         }
-        collapse(window, v, u, known, rules);
+        collapse(window, v, u, known.as_ref(), rules);
         outcome.collapsed.push((v, u));
         outcome.triangles += gone;
         correct_bounds(window, v, u, rules, &mut costs, &mut retry);
@@ -349,11 +355,15 @@ fn can_collapse_here(window: &Window<'_>, v: u32, u: u32) -> bool {
         && stars.fans(v).neighbours().all(|x| !stars.is_long(stars.valence(x)))
 }
 
-/// Collapses `v` into `u`.
-fn collapse(window: &mut Window<'_>, v: u32, u: u32, known: f32, rules: &Rules) {
-    let (at, _) = rate::place(window, v, u, rules);
-    let deviation =
-        if known < f32::INFINITY { known } else { rate::deviation(window, v, u, at, rules) };
+/// Collapses `v` into `u`, by a rating that has just been made, if there is one.
+fn collapse(window: &mut Window<'_>, v: u32, u: u32, known: Option<&Rating>, rules: &Rules) {
+    let (at, deviation) = match known {
+        Some(rating) => (rating.at, rating.deviation),
+        None => {
+            let (at, _) = rate::place(window, v, u, rules);
+            (at, rate::deviation(window, v, u, at, rules))
+        }
+    };
     let from = *window.vertex(v);
     let to = window.vertex_mut(u);
     let both = rate::merged(&to.quadric, &from.quadric, from.position - to.position);
