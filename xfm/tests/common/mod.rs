@@ -3,7 +3,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 /// What a finished run left behind.
 pub struct Ran {
@@ -23,6 +23,11 @@ impl Ran {
             stdout: text(output.stdout),
             stderr: text(output.stderr),
         }
+    }
+
+    /// What a child leaves behind once it has ended.
+    pub fn of(child: Child) -> Self {
+        Self::new(child.wait_with_output().expect("the binary ends"))
     }
 
     /// The JSON report on standard output of a run that succeeded.
