@@ -47,7 +47,7 @@ pub fn write_mesh_to(
 ///
 /// # Complexity
 ///
-/// PLY and OBJ remember the last one to two million vertices for welding (about 60 MB at most); a vertex that comes back
+/// PLY and OBJ remember the last quarter to half million vertices for welding (16 MB at most); a vertex that comes back
 /// after more others than that becomes a second one. The faces of a PLY wait in a scratch file beside the target.
 ///
 /// # Errors
@@ -128,7 +128,7 @@ mod dispatch {
 
     /// Vertices in a generation of the welding table; see [`crate::codec::weld::Welder`].
     #[cfg(any(feature = "ply", feature = "obj"))]
-    const GENERATION: usize = 1 << 20;
+    const GENERATION: usize = 1 << 18;
 
     pub(super) fn file(
         path: &Path,
