@@ -71,6 +71,19 @@ pub enum Error {
         /// What the system said.
         source: io::Error,
     },
+    /// A file does not fit through the buffer, even sorted.
+    #[error(
+        "{name}: it does not fit through a buffer of {} triangles, even sorted: {} of them wait for their neighbours; \
+         give a larger one with --buffer", text::count(*buffer as u64), text::count(*waiting)
+    )]
+    BufferTooSmall {
+        /// The input.
+        name: String,
+        /// Triangles of the buffer that wait for neighbours.
+        waiting: u64,
+        /// Triangles the buffer holds.
+        buffer: usize,
+    },
     /// The system has no room for the buffer.
     #[error(
         "there is no memory for a buffer of {} triangles; ask for a smaller one with --buffer",

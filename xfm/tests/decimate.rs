@@ -364,6 +364,13 @@ fn what_a_buffer_cannot_follow_is_counted_or_sorted() {
         std::fs::remove_file(output).expect("it is there");
     }
     assert_eq!(folder.names(), Vec::<String>::new(), "no scratch file is left");
+    // Sorted, the front across the torus is longer than this buffer.
+    let input = folder.write("t.stl", mesh.stl());
+    let ran =
+        xfm(&["decimate", &input, &folder.file("out.obj"), "--ratio", "0.05", "--buffer", "100"]);
+    let line = ran.error_line();
+    assert!(line.contains("even sorted") && line.contains("--buffer"), "{line}");
+    std::fs::remove_file(input).expect("it is there");
     // There is no second look at a pipe.
     let pipe = ["decimate", "-", &folder.file("out.obj"), "--from", "stl", "--ratio", "0.05"];
     let ran = xfm_with_input(&[&pipe[..], &["--buffer", "2500"]].concat(), &mesh.stl());

@@ -289,10 +289,14 @@ impl Done {
 
 /// Turns the library's error into the command's, which names the input.
 fn failed(input: &Input) -> impl Fn(stream_decimate::Error) -> Error {
-    let name = input.name();
+    let (name, is_file) = (input.name(), input.is_file());
     move |error| match error {
         stream_decimate::Error::Mesh(error) => error.into(),
         stream_decimate::Error::Interrupted => Error::Interrupted,
+        // Of a file, that was the last attempt: it has been sorted.
+        stream_decimate::Error::Unsorted { waiting, buffer, .. } if is_file => {
+            Error::BufferTooSmall { name: name.clone(), waiting, buffer }
+        }
         source => Error::Decimate { name: name.clone(), source },
     }
 }
