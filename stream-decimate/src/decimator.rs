@@ -21,7 +21,7 @@ const NOTHING: u32 = u32::MAX;
 const TICK: u64 = 64;
 
 /// Triangles written at a time.
-const BATCH: usize = 1 << 14;
+const BATCH: usize = 1 << 12;
 
 /// Late triangles beyond which a stream is out of order: so many, and more than such a share of all.
 const FEW_CRACKS: u64 = 1_000;

@@ -15,9 +15,9 @@ use crate::scratch::Scratch;
 use crate::{DecimateOptions, DecimateReport, Error, Observer};
 
 /// Triangles that go from thread to thread at a time.
-const BATCH: usize = 1 << 13;
+const BATCH: usize = 1 << 12;
 /// Batches under way at most, in either direction.
-const UNDER_WAY: usize = 4;
+const UNDER_WAY: usize = 3;
 /// How often the observer is told.
 const INTERVAL: Duration = Duration::from_millis(50);
 
