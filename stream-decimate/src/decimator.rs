@@ -9,8 +9,9 @@ use crate::missed;
 use crate::portion::{Portion, state};
 use crate::rate::Rules;
 use crate::reorder::reorder;
-use crate::round::{self, Decimation};
+use crate::round::Decimation;
 use crate::sealed::Sealed;
+use crate::sweep::SWEPT;
 use crate::write;
 use crate::{DecimateOptions, DecimateReport, Error, Progress, Target};
 
@@ -333,13 +334,13 @@ impl StreamDecimator {
         let fresh = self.read - std::mem::replace(&mut self.read_at_level, self.read);
         let ratio =
             if self.ratio > 0.0 { self.ratio } else { goal as f64 / self.read.max(1) as f64 };
-        goal + ((round::SWEPT - 1.0) * ratio * fresh as f64) as usize
+        goal + ((SWEPT - 1.0) * ratio * fresh as f64) as usize
     }
 
     /// Makes candidates of all vertices that have become complete, and decimates to the goal, the first part in sweeps.
     fn settle_and_run(&mut self, goal: usize, slack: usize, [sweep_goal, least]: [usize; 2]) {
-        let Self { portion, inserter, decimation, pool, .. } = self;
-        inserter.settle(portion);
+        let Self { portion, decimation, pool, .. } = self;
+        portion.settle();
         pool.install(|| {
             reorder(portion);
             // What a limit leaves undecided until each collapse is tried is no matter for sweeps.

@@ -14,15 +14,13 @@ use crate::star::{Added, Joint};
 #[derive(Debug, Default)]
 pub(crate) struct Inserter {
     lookup: Lookup,
-    /// Vertices that closed since the last [`settle`](Self::settle).
-    closed: Vec<u32>,
     pub(crate) repairs: Repairs,
 }
 
 impl Inserter {
     /// Forgets all vertices but those whose triangles may still come, and lets their number be `expected` more.
     pub(crate) fn begin(&mut self, portion: &mut Portion, expected: usize) {
-        portion.sort_free_slots();
+        portion.compact();
         portion.follow_sealed();
         self.lookup.reset(expected);
         for v in 0..portion.num_slots() as u32 {
@@ -79,12 +77,10 @@ impl Inserter {
                 Added::Open => portion.set_state(v, state::OPEN),
                 Added::Ring => {
                     portion.set_state(v, state::RING);
-                    self.closed.push(v);
                 }
                 Added::RingAndOthers => {
                     self.split(portion, v);
                     portion.set_state(v, state::RING);
-                    self.closed.push(v);
                 }
             }
         }
@@ -235,14 +231,6 @@ impl Inserter {
         }
         portion.add_plane(v, &quadric);
         portion.set_state(v, state::BOUNDARY);
-        self.closed.push(v);
-    }
-
-    /// Makes candidates of the vertices that have become complete.
-    pub(crate) fn settle(&mut self, portion: &mut Portion) {
-        for v in self.closed.drain(..) {
-            portion.unrate_around(v);
-        }
     }
 }
 

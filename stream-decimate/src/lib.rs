@@ -71,6 +71,7 @@ mod run;
 mod scratch;
 mod sealed;
 mod star;
+mod sweep;
 mod write;
 
 pub use cluster::decimate_clustered;

@@ -11,7 +11,7 @@ const LEAST_COSINE: f32 = 0.2;
 const LANES: usize = 8;
 
 /// The star of the vertex at the origin, triangle by triangle.
-pub(crate) struct NewStar {
+pub(crate) struct NewStar<const MEASURED: usize> {
     /// Where the two vertices have been.
     old: [Vec3; 2],
     /// The second and third corners of some triangles, and where the first has been: x, y, z each.
@@ -22,7 +22,7 @@ pub(crate) struct NewStar {
     turned: bool,
 }
 
-impl NewStar {
+impl<const MEASURED: usize> NewStar<MEASURED> {
     /// Without triangles. The two vertices have been there.
     #[inline]
     pub(crate) fn new(old: [Vec3; 2]) -> Self {
@@ -50,9 +50,9 @@ impl NewStar {
         }
     }
 
-    /// How far the vertices have been from the star at most; infinite if a triangle is turned over, or there is none.
+    /// Whether a triangle is turned over.
     #[inline]
-    pub(crate) fn finish(mut self) -> f32 {
+    pub(crate) fn is_turned(&mut self) -> bool {
         if self.len > 0 {
             // The last one again, as often as is needed.
             for row in &mut self.rows {
@@ -60,13 +60,20 @@ impl NewStar {
                 row[self.len..].fill(last);
             }
             self.look();
+            self.len = 0;
         }
-        if self.turned {
+        self.turned
+    }
+
+    /// How far the vertices have been from the star at most; infinite if a triangle is turned over, or there is none.
+    #[inline]
+    pub(crate) fn finish(mut self) -> f32 {
+        if self.is_turned() {
             return f32::INFINITY;
         }
         let least =
             self.least.map(|lanes| lanes.to_array().into_iter().fold(f32::INFINITY, f32::min));
-        least[0].max(least[1]).max(0.0).sqrt()
+        least[..MEASURED].iter().fold(0.0f32, |most, &least| most.max(least)).sqrt()
     }
 
     #[inline]
@@ -91,7 +98,7 @@ impl NewStar {
         let over_area = one / area;
         let over_aa = one / aa;
         let over_edge = one / edge;
-        for (least, p) in self.least.iter_mut().zip(self.old) {
+        for (least, p) in self.least.iter_mut().zip(self.old).take(MEASURED) {
             let p = p.to_array().map(f32x8::splat);
             let (pp, pa, pb, height) = (dot(p, p), dot(p, a), dot(p, b), dot(p, after));
             // Above the triangle, on the side of its plane.
@@ -124,7 +131,7 @@ mod tests {
     }
 
     fn finished(old: [Vec3; 2], height: f32) -> f32 {
-        let mut star = NewStar::new(old);
+        let mut star = NewStar::<2>::new(old);
         for (i, (a, b)) in hexagon(height).enumerate() {
             star.push(a, b, usize::from(i >= 3));
         }
@@ -144,6 +151,6 @@ mod tests {
     fn a_triangle_turned_over_is_noticed() {
         assert!(finished([vec3(0.3, 0.0, 0.0), Vec3::ZERO], 0.0) < f32::INFINITY);
         assert_eq!(finished([vec3(3.0, 0.0, 0.0), Vec3::ZERO], 0.0), f32::INFINITY);
-        assert_eq!(NewStar::new([Vec3::ZERO; 2]).finish(), f32::INFINITY);
+        assert_eq!(NewStar::<2>::new([Vec3::ZERO; 2]).finish(), f32::INFINITY);
     }
 }

@@ -32,6 +32,10 @@ pub(crate) const STALE: u8 = 16;
 pub(crate) const UNSURE: u8 = 32;
 /// It has taken another vertex in this sweep.
 pub(crate) const TAKEN: u8 = 64;
+/// The bound is of collapses that leave the neighbour in its place, which may cost more than others.
+pub(crate) const ROUGH: u8 = 128;
+/// The bound of a vertex of which nothing is known yet.
+pub(crate) const UNRATED: f32 = 0.0;
 /// The bits of the state.
 const STATE: u8 = 15;
 
@@ -266,14 +270,6 @@ impl Portion {
         self.free.push(v);
     }
 
-    /// Lets the slots that are free be taken in ascending order, so that neighbours in the stream stay neighbours in
-    /// memory.
-    pub(crate) fn sort_free_slots(&mut self) {
-        self.free.clear();
-        let slots = (0..self.flags.len() as u32).rev();
-        self.free.extend(slots.filter(|&v| self.flags[v as usize] == state::FREE));
-    }
-
     /// All of it.
     pub(crate) fn whole(&mut self) -> Window<'_> {
         Window {
@@ -335,17 +331,43 @@ impl Portion {
                 *waiting = order.iter().map(|&v| waiting[v as usize]).collect();
             },
         );
-        vertices.truncate(used);
-        flags.truncate(used);
-        bounds.truncate(used);
-        waiting.truncate(used);
-        vertices.par_iter_mut().with_min_len(4096).for_each(|vertex| {
+        self.rename(&new_of, used);
+    }
+
+    /// Keeps the first `used` slots, and puts new numbers into them.
+    fn rename(&mut self, new_of: &[u32], used: usize) {
+        self.vertices.truncate(used);
+        self.flags.truncate(used);
+        self.bounds.truncate(used);
+        self.waiting.truncate(used);
+        self.vertices.par_iter_mut().with_min_len(4096).for_each(|vertex| {
             // A target that has gone was forgotten with its rating.
             vertex.target = new_of.get(vertex.target as usize).copied().unwrap_or(u32::MAX);
         });
-        stars.renumber(&new_of, used);
+        self.stars.renumber(new_of, used);
         self.sealed.renumber(|v| Some(new_of[v as usize]).filter(|&new| new != u32::MAX));
         self.free.clear();
+    }
+
+    /// Gives the vertices new numbers without gaps, in the order that they have.
+    pub(crate) fn compact(&mut self) {
+        let mut new_of = vec![u32::MAX; self.num_slots()];
+        let mut used = 0;
+        for old in 0..self.num_slots() {
+            if self.flags[old] == state::FREE {
+                continue;
+            }
+            new_of[old] = used as u32;
+            if used != old {
+                self.vertices[used] = self.vertices[old];
+                self.flags[used] = self.flags[old];
+                self.bounds[used] = self.bounds[old];
+                self.waiting[used] = self.waiting[old];
+                self.stars.swap(used, old);
+            }
+            used += 1;
+        }
+        self.rename(&new_of, used);
     }
 
     /// Follows the vertices that were sealed on suspicion to what they have become, as far as that is a boundary.
@@ -389,13 +411,12 @@ impl Portion {
             .sum()
     }
 
-    /// Forgets the rating of a vertex and of its neighbours: one of them became a candidate.
-    pub(crate) fn unrate_around(&mut self, v: u32) {
-        for x in self.stars.fans(v).neighbours().chain([v]) {
-            let flags = &mut self.flags[x as usize];
-            if *flags & state::MAY_GO != 0 {
+    /// Makes candidates of the vertices that have become complete, and again of those that could not go before.
+    pub(crate) fn settle(&mut self) {
+        for (flags, bound) in self.flags.iter_mut().zip(&mut self.bounds) {
+            if *flags & state::MAY_GO != 0 && *bound == f32::INFINITY {
                 *flags |= STALE;
-                self.bounds[x as usize] = 0.0;
+                *bound = UNRATED;
             }
         }
     }

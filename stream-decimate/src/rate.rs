@@ -154,6 +154,93 @@ pub(crate) fn rate(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating>
     Some(rating)
 }
 
+/// The best collapse of a vertex that costs no more than `most`, among those into a neighbour that stays where it is: that
+/// neighbour, and at most how far the surface around it will have moved. The vertex and its neighbours have to be in the
+/// window. Where there is none, the least cost, forbidden or not.
+pub(crate) fn rate_in_place(window: &Window<'_>, v: u32, most: f32) -> Result<(u32, f32), f32> {
+    let mut choices = InPlace::new(window, v);
+    let choices = choices.all();
+    let mut least = f32::INFINITY;
+    for _ in 0..choices.len() {
+        let Some(best) = choices.iter_mut().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        let (cost, u) = *best;
+        least = least.min(cost);
+        if cost.is_nan() || cost > most {
+            break;
+        }
+        if can_collapse_here(window, v, u) && is_legal(window, v, u) {
+            let earlier = window.vertex(v).deviation.max(window.vertex(u).deviation);
+            let deviation = earlier + moved(window, v, u);
+            if cost + penalty(deviation) <= most {
+                return Ok((u, deviation));
+            }
+        }
+        best.0 = f32::INFINITY;
+    }
+    Err(least)
+}
+
+/// The least cost of collapsing a vertex into a neighbour that stays where it is.
+pub(crate) fn least_in_place(window: &Window<'_>, v: u32) -> f32 {
+    InPlace::new(window, v).all().iter().fold(f32::INFINITY, |least, choice| least.min(choice.0))
+}
+
+/// Neighbours that may take a vertex and stay where they are, and the costs.
+struct InPlace {
+    choices: [(f32, u32); MOST_RATED],
+    len: usize,
+}
+
+impl InPlace {
+    fn new(window: &Window<'_>, v: u32) -> Self {
+        let center = window.vertex(v);
+        let fans = window.stars.fans(v);
+        let takers = takers(window, v);
+        let mut list = Self { choices: [(f32::INFINITY, 0); MOST_RATED], len: 0 };
+        let consider = |u: u32| {
+            if list.len < MOST_RATED && window.state(u) & takers != 0 {
+                let other = window.vertex(u);
+                let cost = center.quadric.cost(other.position - center.position)
+                    + other.quadric.cost(Vec3::ZERO);
+                list.choices[list.len] = (cost, u);
+                list.len += 1;
+            }
+        };
+        if fans.is_ring() {
+            fans.neighbours().for_each(consider);
+        } else {
+            let ends = fans.ends().take(1).flat_map(|(first, last)| [first, last]);
+            ends.for_each(consider);
+        }
+        list
+    }
+
+    fn all(&mut self) -> &mut [(f32, u32)] {
+        &mut self.choices[..self.len]
+    }
+}
+
+/// Whether all that the collapse changes lies in the window.
+pub(crate) fn can_collapse_here(window: &Window<'_>, v: u32, u: u32) -> bool {
+    let stars = &window.stars;
+    let valence = stars.valence(v) + stars.valence(u);
+    !stars.is_long(valence)
+        && window.has_star(u)
+        && stars.fans(v).neighbours().all(|x| !stars.is_long(stars.valence(x)))
+}
+
+/// How far `v` is from the triangles that are left once it is at `u`; infinite if one is turned over.
+fn moved(window: &Window<'_>, v: u32, u: u32) -> f32 {
+    let at = window.position(u);
+    let mut star = NewStar::<1>::new([window.position(v) - at, Vec3::ZERO]);
+    for (a, b) in window.stars.fans(v).triangles() {
+        if a != u && b != u {
+            star.push(window.position(a) - at, window.position(b) - at, 0);
+        }
+    }
+    star.finish()
+}
+
 /// What moving the surface so far costs.
 fn penalty(deviation: f32) -> f32 {
     let squared = deviation * deviation;
@@ -319,7 +406,7 @@ fn is_legal(window: &Window<'_>, v: u32, u: u32) -> bool {
 pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3, rules: &Rules) -> f32 {
     let (from, to) = (window.vertex(v), window.vertex(u));
     let at = to.position + at;
-    let mut star = NewStar::new([from.position - at, to.position - at]);
+    let mut star = NewStar::<2>::new([from.position - at, to.position - at]);
     for (center, own, without) in [(v, 0, u), (u, 1, v)] {
         for (a, b) in window.stars.fans(center).triangles() {
             if a != without && b != without {

@@ -14,20 +14,13 @@ use rand::rngs::Xoshiro256PlusPlus;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
-use crate::portion::{Portion, STALE, TAKEN, UNSURE, Window, state};
+use crate::portion::{Portion, STALE, UNRATED, UNSURE, Window, state};
 use crate::rate::{self, Rating, Rules};
-use crate::reorder::reorder;
 
 /// Vertices in a window: their data fits into a core's second-level cache.
-const WINDOW: usize = 4096;
+pub(crate) const WINDOW: usize = 4096;
 /// One of so many rounds looks at what lies across the borders of windows.
 const ACROSS: usize = 2;
-/// Triangles at which sweeps end, as a multiple of those wanted in the end.
-pub(crate) const SWEPT: f64 = 4.0;
-/// A vertex that has been rated in a sweep may cost so many times the threshold.
-const LENIENCE: f32 = 16.0;
-/// The bound of a vertex of which nothing is known yet.
-const UNRATED: f32 = 0.0;
 /// Vertices looked at to find a threshold.
 const SAMPLES: usize = 2048;
 /// Least rank in the sample that makes a good threshold.
@@ -41,16 +34,16 @@ pub(crate) struct Decimation {
     candidates: usize,
     random: Xoshiro256PlusPlus,
     sample: Vec<f32>,
-    num_rounds: usize,
+    pub(crate) num_rounds: usize,
 }
 
 /// What was done in a window.
 #[derive(Debug, Default)]
 pub(crate) struct Outcome {
     /// Vertices that are gone, and those that took them.
-    collapsed: Vec<(u32, u32)>,
+    pub(crate) collapsed: Vec<(u32, u32)>,
     /// Triangles that are gone.
-    triangles: usize,
+    pub(crate) triangles: usize,
 }
 
 impl Decimation {
@@ -65,39 +58,6 @@ impl Decimation {
         }
     }
 
-    /// Decimates down to about this number of triangles, in sweeps: far from the target, where many collapses cost
-    /// next to nothing compared to those that will follow, their order matters little. There will be `least` triangles or
-    /// more.
-    pub(crate) fn sweep(&mut self, portion: &mut Portion, goal: usize, least: usize) {
-        while portion.num_triangles() > goal {
-            if 4 * portion.num_vertices() < 3 * portion.num_slots() {
-                reorder(portion);
-            }
-            let wanted = (portion.num_triangles() - goal).div_ceil(2);
-            let Some(threshold) = self.threshold(portion, 4 * wanted, 2) else { return };
-            // Each of these may go, and some that were forbidden before.
-            let below = portion.bounds.iter().filter(|&&bound| bound <= threshold).count();
-            if portion.num_triangles() < least + 3 * below {
-                return;
-            }
-            self.num_rounds += 1;
-            let rules = self.rules;
-            let offset = if self.num_rounds.is_multiple_of(2) { WINDOW / 2 } else { WINDOW };
-            let outcomes: Vec<Outcome> = portion
-                .windows(WINDOW, offset)
-                .into_par_iter()
-                .map(|mut window| sweep_window(&mut window, threshold, &rules))
-                .collect();
-            let before = portion.num_triangles();
-            for outcome in outcomes {
-                portion.take_back(&outcome.collapsed, outcome.triangles);
-            }
-            if before - portion.num_triangles() < before / 64 {
-                return;
-            }
-        }
-    }
-
     /// Decimates down to this number of triangles, or by so many more as `slack` says less; false if there is no
     /// collapse left before that.
     pub(crate) fn run(&mut self, portion: &mut Portion, goal: usize, slack: usize) -> bool {
@@ -106,12 +66,17 @@ impl Decimation {
         }
         while portion.num_triangles() > goal + slack {
             if 2 * portion.num_vertices() < portion.num_slots() {
-                reorder(portion);
+                portion.compact();
             }
             let wanted = (portion.num_triangles() - goal).div_ceil(2);
             let threshold = match portion.num_triangles() - goal {
                 1 => cheapest_on_boundary(portion),
-                _ => self.threshold(portion, wanted, self.candidates),
+                _ => {
+                    let rules = self.rules;
+                    let rate =
+                        |window: &Window<'_>, v| rate::costs(window, v, &rules, |_, _| {}).cost;
+                    self.threshold(portion, wanted, self.candidates, rate)
+                }
             };
             let Some(threshold) = threshold else { return false };
             if !self.round(portion, threshold, goal) {
@@ -122,12 +87,13 @@ impl Decimation {
     }
 
     /// The cost below which there are the candidates' share of all vertices; or `wanted` of them, if that is less.
-    /// `None` if there are no candidates.
-    fn threshold(
+    /// `None` if there are no candidates. Those of which nothing is known are rated by `rate`.
+    pub(crate) fn threshold(
         &mut self,
         portion: &mut Portion,
         wanted: usize,
         candidates: usize,
+        rate: impl Fn(&Window<'_>, u32) -> f32,
     ) -> Option<f32> {
         self.sample.clear();
         let window = portion.whole();
@@ -136,7 +102,7 @@ impl Decimation {
         for _ in 0..draws {
             let v = self.random.random_range(slots.clone());
             let bound = match window.bound(v) {
-                UNRATED => rate::costs(&window, v, &self.rules, |_, _| {}).cost,
+                UNRATED => rate(&window, v),
                 bound => bound,
             };
             if bound < f32::INFINITY {
@@ -166,7 +132,7 @@ impl Decimation {
         self.num_rounds += 1;
         let rules = self.rules;
         let below = |portion: &Portion| portion.bounds.iter().filter(|&&b| b <= threshold).count();
-        // Bounds do not sink, so there are no more collapses than these.
+        // No window makes more collapses than these.
         let far = portion.num_triangles() >= goal + 2 * below(portion);
         if far {
             let offset = if self.num_rounds.is_multiple_of(2) { WINDOW / 2 } else { WINDOW };
@@ -229,51 +195,8 @@ fn accept(window: &mut Window<'_>, v: u32, rating: &Rating) {
     (vertex.target, vertex.second) = (rating.target, rating.second);
 }
 
-/// Goes through a window once, rates each vertex that may cost no more than the threshold, and collapses it right away
-/// unless it costs much more; a vertex takes only one other.
-fn sweep_window(window: &mut Window<'_>, threshold: f32, rules: &Rules) -> Outcome {
-    let mut outcome = Outcome::default();
-    for v in window.range() {
-        if window.bound(v) > threshold
-            || window.flags(v) & TAKEN != 0
-            || window.state(v) & state::MAY_GO == 0
-            || !window.has_star(v)
-        {
-            continue;
-        }
-        let Some(rating) = rate::rate(window, v, rules) else { continue };
-        let u = rating.target;
-        if rating.cost > LENIENCE * threshold {
-            accept(window, v, &rating);
-            continue;
-        }
-        if !can_collapse_here(window, v, u) {
-            continue;
-        }
-        outcome.triangles += if window.state(v) == state::RING { 2 } else { 1 };
-        outcome.collapsed.push((v, u));
-        collapse(window, v, u, Some(&rating), rules);
-        for i in 0..window.stars.valence(u) {
-            let x = window.stars.fans(u).at(i);
-            if window.state(x) & state::MAY_GO != 0 {
-                *window.flags_mut(x) |= STALE;
-                if window.bound(x) == f32::INFINITY {
-                    *window.bound_mut(x) = threshold;
-                }
-            }
-        }
-        *window.flags_mut(u) |= STALE | TAKEN;
-        if window.state(u) & state::MAY_GO != 0 {
-            *window.bound_mut(u) = rating.cost;
-        }
-    }
-    for v in window.range() {
-        *window.flags_mut(v) &= !TAKEN;
-    }
-    outcome
-}
-
-/// Performs the collapses of a window, the cheapest first, until `most` triangles are gone.
+/// Performs the collapses of a window, the cheapest first, until `most` triangles are gone; no more than there are vertices
+/// below the threshold.
 fn decimate_window(window: &mut Window<'_>, threshold: f32, rules: &Rules, most: usize) -> Outcome {
     let mut outcome = Outcome::default();
     let (mut costs, mut retry) = (Vec::new(), Vec::new());
@@ -286,6 +209,7 @@ fn decimate_window(window: &mut Window<'_>, threshold: f32, rules: &Rules, most:
         .filter(|&(&bound, _)| bound <= threshold)
         .map(|(&bound, v)| Reverse((bits(bound), v)))
         .collect();
+    let most = most.min(2 * heap.len());
     while let Some(Reverse((key, v))) = heap.pop() {
         if window.state(v) & state::MAY_GO == 0 {
             continue;
@@ -321,7 +245,7 @@ fn decimate_window(window: &mut Window<'_>, threshold: f32, rules: &Rules, most:
             }
         }
         let u = window.vertex(v).target;
-        if !can_collapse_here(window, v, u) {
+        if !rate::can_collapse_here(window, v, u) {
             continue;
         }
         let gone = if window.state(v) == state::RING { 2 } else { 1 };
@@ -344,15 +268,6 @@ fn decimate_window(window: &mut Window<'_>, threshold: f32, rules: &Rules, most:
         }
     }
     outcome
-}
-
-/// Whether all that the collapse changes lies in the window.
-fn can_collapse_here(window: &Window<'_>, v: u32, u: u32) -> bool {
-    let stars = &window.stars;
-    let valence = stars.valence(v) + stars.valence(u);
-    !stars.is_long(valence)
-        && window.has_star(u)
-        && stars.fans(v).neighbours().all(|x| !stars.is_long(stars.valence(x)))
 }
 
 /// Collapses `v` into `u`, by a rating that has just been made, if there is one.

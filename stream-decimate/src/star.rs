@@ -9,6 +9,7 @@
 //! order, and a collapse is the splicing of one list into another.
 
 use rayon::prelude::*;
+use wide::i32x8;
 
 use crate::portion::permute;
 
@@ -24,7 +25,7 @@ fn id(entry: u32) -> u32 {
 }
 
 /// The fans of triangles about one vertex.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 struct Star {
     /// The neighbours; where there are too many of them, the first entry is the number of a list elsewhere.
@@ -33,6 +34,31 @@ struct Star {
 }
 
 const EMPTY: Star = Star { entries: [0; INLINE], len: 0 };
+
+impl Star {
+    /// Bit `i` says that neighbour `i` of the first `len`, at most [`INLINE`], is this one.
+    #[inline]
+    fn mask_of(&self, neighbour: u32, len: usize) -> u32 {
+        let [low, high]: [i32x8; 2] = bytemuck::cast(*self);
+        let (ids, wanted) = (i32x8::splat(!LAST as i32), i32x8::splat(neighbour as i32));
+        let mask = (low & ids).simd_eq(wanted).to_bitmask()
+            | (high & ids).simd_eq(wanted).to_bitmask() << 8;
+        mask & ((1 << len) - 1)
+    }
+
+    /// Bit `i` says that neighbour `i` of the first `len`, at most [`INLINE`], is the last of its fan.
+    #[inline]
+    fn mask_of_last(&self, len: usize) -> u32 {
+        let [low, high]: [i32x8; 2] = bytemuck::cast(*self);
+        (low.to_bitmask() | high.to_bitmask() << 8) & ((1 << len) - 1)
+    }
+}
+
+/// The number of the lowest bit, if there is one.
+#[inline]
+fn lowest(mask: u32) -> Option<usize> {
+    (mask != 0).then(|| mask.trailing_zeros() as usize)
+}
 
 /// What came of adding a triangle to a star.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,54 +107,58 @@ pub(crate) struct StarSlice<'a> {
 
 /// The neighbours of one vertex, as a list of fans.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Fans<'a>(&'a [u32]);
+pub(crate) struct Fans<'a> {
+    list: &'a [u32],
+    /// Where the list is, if it fits.
+    star: &'a Star,
+}
 
 impl<'a> Fans<'a> {
     /// Number of neighbours.
     #[inline]
     pub(crate) fn len(self) -> usize {
-        self.0.len()
+        self.list.len()
     }
 
     /// The neighbour at an index.
     #[inline]
     pub(crate) fn at(self, index: usize) -> u32 {
-        id(self.0[index])
+        id(self.list[index])
     }
 
     /// All neighbours.
     #[inline]
     pub(crate) fn neighbours(self) -> impl Iterator<Item = u32> + Clone + 'a {
-        self.0.iter().map(|&e| id(e))
+        self.list.iter().map(|&e| id(e))
     }
 
     /// Whether this is one of them.
     #[inline]
     pub(crate) fn contains(self, neighbour: u32) -> bool {
-        self.0.iter().any(|&e| id(e) == neighbour)
+        self.position(neighbour).is_some()
     }
 
     /// Whether the star is a ring.
     #[inline]
     pub(crate) fn is_ring(self) -> bool {
-        self.0.last().is_some_and(|&e| e & LAST == 0)
+        self.list.last().is_some_and(|&e| e & LAST == 0)
     }
 
     /// Number of fans with two ends.
     pub(crate) fn num_fans(self) -> usize {
-        self.0.iter().filter(|&&e| e & LAST != 0).count()
+        self.list.iter().filter(|&&e| e & LAST != 0).count()
     }
 
     /// Number of triangles.
     #[inline]
     pub(crate) fn num_triangles(self) -> usize {
-        self.0.len() - self.num_fans()
+        self.list.len() - self.num_fans()
     }
 
     /// The two other corners of each triangle, counter-clockwise.
     #[inline]
     pub(crate) fn triangles(self) -> impl Iterator<Item = (u32, u32)> + 'a {
-        let list = self.0;
+        let list = self.list;
         let first = list.first().copied().unwrap_or(0);
         list.iter()
             .enumerate()
@@ -139,7 +169,17 @@ impl<'a> Fans<'a> {
     /// Whether `(v, neighbour, ·)` is a triangle.
     #[inline]
     pub(crate) fn leads_to(self, neighbour: u32) -> bool {
-        self.0.contains(&neighbour)
+        // The last of a fan only ends it.
+        self.position(neighbour).is_some_and(|i| self.list[i] & LAST == 0)
+    }
+
+    /// The index of a neighbour.
+    #[inline]
+    fn position(self, neighbour: u32) -> Option<usize> {
+        match self.list.len() <= INLINE {
+            true => lowest(self.star.mask_of(neighbour, self.list.len())),
+            false => self.list.iter().position(|&e| id(e) == neighbour),
+        }
     }
 
     /// Whether `(v, a, b)` is a triangle.
@@ -150,30 +190,33 @@ impl<'a> Fans<'a> {
     /// Where the triangle `(v, a, b)` joins the fans; `None` if there is a triangle with its edge `v→a` or `b→v`.
     #[inline]
     pub(crate) fn joint(self, a: u32, b: u32) -> Option<Joint> {
-        let mut joint = Joint::default();
-        let mut begins = true;
-        for (i, &entry) in self.0.iter().enumerate() {
-            let ends = entry & LAST != 0;
-            if id(entry) == a {
-                if !ends {
-                    return None;
-                }
-                joint.end = Some(i);
-            } else if id(entry) == b {
-                if !begins {
-                    return None;
-                }
-                joint.start = Some(i);
-            }
-            begins = ends;
+        let len = self.list.len();
+        if len > INLINE {
+            return self.joint_of_many(a, b);
         }
-        Some(joint)
+        let last = self.star.mask_of_last(len);
+        let first = last << 1 | 1;
+        let (end, start) = (self.star.mask_of(a, len), self.star.mask_of(b, len));
+        if end & !last != 0 || start & !first != 0 {
+            return None;
+        }
+        Some(Joint { end: lowest(end), start: lowest(start) })
+    }
+
+    #[cold]
+    fn joint_of_many(self, a: u32, b: u32) -> Option<Joint> {
+        let (end, start) = (self.position(a), self.position(b));
+        let ends = |i: usize| self.list[i] & LAST != 0;
+        if end.is_some_and(|i| !ends(i)) || start.is_some_and(|i| i > 0 && !ends(i - 1)) {
+            return None;
+        }
+        Some(Joint { end, start })
     }
 
     /// The first and the last neighbour of each fan with two ends.
     pub(crate) fn ends(self) -> impl Iterator<Item = (u32, u32)> + 'a {
         let mut first = None;
-        self.0.iter().filter_map(move |&e| {
+        self.list.iter().filter_map(move |&e| {
             let start = *first.get_or_insert(id(e));
             (e & LAST != 0).then(|| {
                 first = None;
@@ -197,6 +240,11 @@ impl Stars {
     /// Puts the stars in the order given; the numbers in them stay as they are.
     pub(crate) fn permute(&mut self, order: &[u32]) {
         permute(&mut self.stars, order);
+    }
+
+    /// Exchanges two stars; the numbers in them stay as they are.
+    pub(crate) fn swap(&mut self, a: usize, b: usize) {
+        self.stars.swap(a, b);
     }
 
     /// Keeps the stars of the first `count` vertices, and puts new numbers into them.
@@ -241,11 +289,12 @@ impl Stars {
 #[inline]
 fn fans<'a>(star: &'a Star, spill: Option<&'a Spill>) -> Fans<'a> {
     let len = star.len as usize;
-    if len <= INLINE {
-        Fans(&star.entries[..len])
-    } else {
-        Fans(spill.map_or(&[], |spill| &spill.lists[star.entries[0] as usize]))
-    }
+    let list = match spill {
+        _ if len <= INLINE => &star.entries[..len],
+        Some(spill) => &spill.lists[star.entries[0] as usize],
+        None => &[],
+    };
+    Fans { list, star }
 }
 
 impl StarSlice<'_> {
@@ -324,7 +373,7 @@ impl StarSlice<'_> {
 
     #[inline]
     fn position(&self, v: u32, neighbour: u32) -> Option<usize> {
-        self.fans(v).0.iter().position(|&e| id(e) == neighbour)
+        self.fans(v).position(neighbour)
     }
 
     /// Puts an entry before those from `at` on.
@@ -386,7 +435,7 @@ impl StarSlice<'_> {
     /// Takes the fans but the last from a vertex, and returns the neighbours that stood in them, with their marks.
     /// The last fan is the ring, if there is one.
     pub(crate) fn take_all_but_last(&mut self, v: u32) -> Vec<u32> {
-        let list = self.fans(v).0;
+        let list = self.fans(v).list;
         let body = &list[..list.len().saturating_sub(1)];
         let start = body.iter().rposition(|e| e & LAST != 0).map_or(0, |s| s + 1);
         let taken = list[..start].to_vec();
@@ -405,7 +454,8 @@ impl StarSlice<'_> {
     /// Puts `new` where `old` was.
     #[inline]
     pub(crate) fn rename(&mut self, v: u32, old: u32, new: u32) {
-        if let Some(entry) = self.list_mut(v).iter_mut().find(|e| id(**e) == old) {
+        if let Some(i) = self.position(v, old) {
+            let entry = &mut self.list_mut(v)[i];
             *entry = new | (*entry & LAST);
         }
     }
@@ -433,7 +483,7 @@ impl StarSlice<'_> {
         let entries: &[u32] = if len <= INLINE {
             &star.entries[..len]
         } else {
-            long.extend_from_slice(self.fans(v).0);
+            long.extend_from_slice(self.fans(v).list);
             &long
         };
         let at = entries.iter().position(|&e| id(e) == u).unwrap_or(0);
@@ -467,7 +517,7 @@ impl StarSlice<'_> {
         if between.is_empty() {
             self.close_gap(u, v);
         } else if let Some(i) = self.position(u, v) {
-            let last = self.fans(u).0[i] & LAST;
+            let last = self.fans(u).list[i] & LAST;
             let mut marked = [0; INLINE];
             if between.len() <= INLINE {
                 let marked = &mut marked[..between.len()];
