@@ -310,7 +310,9 @@ impl StreamDecimator {
         let kept = if rest <= self.capacity as f64 { rest.min(most as f64) } else { 0.0 };
         let goal = half.max(level.max(kept) as usize);
         let at_level = goal as f64 <= level;
-        let sweep_goal = if at_level { self.sweep_goal(goal) } else { goal };
+        // Sweeps are for what is far from that.
+        let far = SWEPT * (level - waiting as f64) + waiting as f64;
+        let sweep_goal = if at_level { self.sweep_goal(goal) } else { goal.max(far as usize) };
         self.settle_and_run(goal, slack, [sweep_goal, goal.min(level as usize)]);
         // What stays can still be decimated; but it takes room from what is read next.
         let settled = level - waiting as f64 > 0.375 * self.capacity as f64;

@@ -32,7 +32,7 @@ pub(crate) struct Decimation {
     pub(crate) rules: Rules,
     /// One of so many vertices is a candidate in each round.
     candidates: usize,
-    random: Xoshiro256PlusPlus,
+    pub(crate) random: Xoshiro256PlusPlus,
     sample: Vec<f32>,
     pub(crate) num_rounds: usize,
 }
@@ -71,12 +71,7 @@ impl Decimation {
             let wanted = (portion.num_triangles() - goal).div_ceil(2);
             let threshold = match portion.num_triangles() - goal {
                 1 => cheapest_on_boundary(portion),
-                _ => {
-                    let rules = self.rules;
-                    let rate =
-                        |window: &Window<'_>, v| rate::costs(window, v, &rules, |_, _| {}).cost;
-                    self.threshold(portion, wanted, self.candidates, rate)
-                }
+                _ => self.threshold(portion, wanted),
             };
             let Some(threshold) = threshold else { return false };
             if !self.round(portion, threshold, goal) {
@@ -87,14 +82,8 @@ impl Decimation {
     }
 
     /// The cost below which there are the candidates' share of all vertices; or `wanted` of them, if that is less.
-    /// `None` if there are no candidates. Those of which nothing is known are rated by `rate`.
-    pub(crate) fn threshold(
-        &mut self,
-        portion: &mut Portion,
-        wanted: usize,
-        candidates: usize,
-        rate: impl Fn(&Window<'_>, u32) -> f32,
-    ) -> Option<f32> {
+    /// `None` if there are no candidates.
+    fn threshold(&mut self, portion: &mut Portion, wanted: usize) -> Option<f32> {
         self.sample.clear();
         let window = portion.whole();
         let slots = window.range();
@@ -102,7 +91,7 @@ impl Decimation {
         for _ in 0..draws {
             let v = self.random.random_range(slots.clone());
             let bound = match window.bound(v) {
-                UNRATED => rate(&window, v),
+                UNRATED => rate::costs(&window, v, &self.rules, |_, _| {}).cost,
                 bound => bound,
             };
             if bound < f32::INFINITY {
@@ -112,11 +101,11 @@ impl Decimation {
         let bounds = window.bounds();
         // A little less than wanted, since a sample is only a sample.
         let of_wanted = wanted * draws / bounds.len().max(1);
-        let mut rank = (of_wanted * 7 / 8).min(self.sample.len() / candidates);
+        let mut rank = (of_wanted * 7 / 8).min(self.sample.len() / self.candidates);
         if rank < LEAST_RANK {
             self.sample.clear();
             self.sample.extend(bounds.iter().filter(|&&b| b < f32::INFINITY));
-            rank = wanted.min(self.sample.len().div_ceil(candidates));
+            rank = wanted.min(self.sample.len().div_ceil(self.candidates));
         }
         if self.sample.is_empty() {
             return None;

@@ -5,6 +5,7 @@
 //! threshold. What takes a vertex stays where it is: a look at each neighbour's place rates all collapses. Much larger
 //! windows than those of [rounds](crate::round) do, since neighbours are near in memory.
 
+use rand::RngExt;
 use rayon::prelude::*;
 
 use crate::portion::{Portion, ROUGH, STALE, TAKEN, UNRATED, Window, state};
@@ -14,13 +15,15 @@ use crate::round::{Decimation, Outcome, WINDOW};
 /// Windows that the buffer is cut into.
 const WINDOWS: usize = 16;
 /// Triangles at which sweeps end, as a multiple of those wanted in the end.
-pub(crate) const SWEPT: f64 = 3.0;
+pub(crate) const SWEPT: f64 = 4.0;
 /// A collapse may cost so many times the threshold below which a vertex is looked at.
 const LENIENCE: f32 = 2.0;
 /// Of so many that are below the threshold, one is expected to go.
 const BELOW: usize = 4;
-/// Share of the vertices that are below the threshold at most: one of so many.
+/// Share of the vertices in question that are below the threshold at most: one of so many.
 const AT_MOST: usize = 2;
+/// Vertices looked at to find a threshold.
+const SAMPLES: usize = 2048;
 /// Sweeps end when one does not take one of so many triangles.
 const WORTH: usize = 16;
 
@@ -55,16 +58,36 @@ impl Decimation {
         }
     }
 
+    /// The cost below which `wanted` of the vertices in question lie, or the cheaper half, if that is less.
+    fn sweep_threshold(&mut self, portion: &mut Portion, wanted: usize) -> Option<f32> {
+        let window = portion.whole();
+        let all: Vec<u32> = window.range().filter(|&v| is_in_question(&window, v)).collect();
+        let count = SAMPLES.min(all.len());
+        let mut costs: Vec<f32> = (0..count)
+            .map(|i| match count < SAMPLES {
+                true => all[i],
+                false => all[self.random.random_range(0..all.len())],
+            })
+            .map(|v| match window.bound(v) {
+                UNRATED => rate::least_in_place(&window, v),
+                bound => bound,
+            })
+            .filter(|&cost| cost < f32::INFINITY)
+            .collect();
+        let rank = (wanted * count / all.len().max(1)).min(costs.len() / AT_MOST);
+        if costs.is_empty() || rank == 0 {
+            return None;
+        }
+        let (_, threshold, _) = costs.select_nth_unstable_by(rank - 1, f32::total_cmp);
+        Some(*threshold)
+    }
+
     /// One sweep; false if there is nothing left to do.
     fn sweep_once(&mut self, portion: &mut Portion, goal: usize, least: usize) -> bool {
         let wanted = portion.num_triangles().saturating_sub(goal).div_ceil(2);
-        let Some(threshold) =
-            self.threshold(portion, BELOW * wanted, AT_MOST, rate::least_in_place)
-        else {
-            return false;
-        };
+        let Some(threshold) = self.sweep_threshold(portion, BELOW * wanted) else { return false };
         // No window may do more than its share of what may be done.
-        let below = portion.bounds.iter().filter(|&&bound| bound <= threshold).count();
+        let below = num_due(&portion.whole(), threshold);
         let may_go = portion.num_triangles().saturating_sub(least) / 2;
         let share = may_go as f64 / below.max(1) as f64;
         self.num_rounds += 1;
@@ -97,10 +120,15 @@ impl Decimation {
     }
 }
 
+/// How many are due at most.
+fn num_due(window: &Window<'_>, threshold: f32) -> usize {
+    window.range().filter(|&v| window.bound(v) <= threshold && is_in_question(window, v)).count()
+}
+
 /// Goes through a window, and collapses those below the threshold that cost no more than that allows; a vertex takes only
 /// one other.
 fn sweep_window(window: &mut Window<'_>, threshold: f32, share: f64) -> Swept {
-    let below = window.bounds().iter().filter(|&&bound| bound <= threshold).count();
+    let below = num_due(window, threshold);
     let most = (share * below as f64) as usize;
     let mut swept = Swept::default();
     for v in window.range() {
@@ -121,11 +149,16 @@ fn sweep_window(window: &mut Window<'_>, threshold: f32, share: f64) -> Swept {
     swept
 }
 
+/// Whether a vertex may go, and has not been rated but roughly.
+#[inline]
+fn is_in_question(window: &Window<'_>, v: u32) -> bool {
+    (window.bound(v) == UNRATED || window.flags(v) & ROUGH != 0)
+        && window.state(v) & state::MAY_GO != 0
+}
+
 #[inline]
 fn is_due(window: &Window<'_>, v: u32, threshold: f32) -> bool {
-    window.bound(v) <= threshold
-        && window.flags(v) & TAKEN == 0
-        && window.state(v) & state::MAY_GO != 0
+    window.bound(v) <= threshold && window.flags(v) & TAKEN == 0 && is_in_question(window, v)
 }
 
 /// Collapses a vertex, if that costs little enough.
