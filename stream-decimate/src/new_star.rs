@@ -4,8 +4,9 @@
 use glam::Vec3;
 use wide::f32x8;
 
-/// Least cosine of the angle by which a collapse may turn a triangle.
-const LEAST_COSINE: f32 = 0.2;
+/// Least cosine of the angle by which a collapse may turn a triangle, by the number of vertices that are measured. Where that
+/// is only the one that goes, nothing else keeps the new triangles from lying across a fold.
+const LEAST_COSINE: [f32; 3] = [0.7, 0.7, 0.2];
 
 /// Triangles looked at together.
 const LANES: usize = 8;
@@ -88,7 +89,9 @@ impl<const MEASURED: usize> NewStar<MEASURED> {
         let after = cross(a, b);
         let cosine = dot(before, after);
         let area = dot(after, after);
-        let bound = f32x8::splat(LEAST_COSINE * LEAST_COSINE) * dot(before, before) * area;
+        let bound = f32x8::splat(LEAST_COSINE[MEASURED] * LEAST_COSINE[MEASURED])
+            * dot(before, before)
+            * area;
         let zero = f32x8::splat(0.0);
         let fine = cosine.simd_gt(zero) & (cosine * cosine).simd_gt(bound);
         self.turned |= !fine.all();

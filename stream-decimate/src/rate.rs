@@ -238,7 +238,28 @@ fn moved(window: &Window<'_>, v: u32, u: u32) -> f32 {
             star.push(window.position(a) - at, window.position(b) - at, 0);
         }
     }
-    star.finish()
+    star.finish().max(boundary_moved(window, v, u, at))
+}
+
+/// How far two neighbours on a boundary are from the boundary once they are one vertex at `at`; nothing for others. There the
+/// surface may grow beyond its boundary without any point of it being moved.
+fn boundary_moved(window: &Window<'_>, v: u32, u: u32, at: Vec3) -> f32 {
+    if window.state(v) != state::BOUNDARY {
+        return 0.0;
+    }
+    let [from, to] = [v, u].map(|x| window.position(x) - at);
+    let mut least = [from.length_squared(), to.length_squared()];
+    for (x, other) in [(v, u), (u, v)] {
+        let ends = window.stars.fans(x).ends().flat_map(|(first, last)| [first, last]);
+        for end in ends.filter(|&end| end != other) {
+            let end = window.position(end) - at;
+            for (least, p) in least.iter_mut().zip([from, to]) {
+                let along = (p.dot(end) / end.length_squared()).clamp(0.0, 1.0);
+                *least = least.min((p - along * end).length_squared());
+            }
+        }
+    }
+    least[0].max(least[1]).sqrt()
 }
 
 /// What moving the surface so far costs.
@@ -414,7 +435,7 @@ pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3, rules: &R
             }
         }
     }
-    let moved = star.finish();
+    let moved = star.finish().max(boundary_moved(window, v, u, at));
     if moved < f32::INFINITY && rules.has_limit() {
         return bound(window, v, u, at);
     }
