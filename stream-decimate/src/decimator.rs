@@ -312,7 +312,10 @@ impl StreamDecimator {
         let at_level = goal as f64 <= level;
         // Sweeps are for what is far from that.
         let far = SWEPT * (level - waiting as f64) + waiting as f64;
-        let sweep_goal = if at_level { self.sweep_goal(goal) } else { goal.max(far as usize) };
+        let sweep_goal = match at_level {
+            true => self.sweep_goal(goal),
+            false => (half / 2).max(far.max(kept) as usize),
+        };
         self.settle_and_run(goal, slack, [sweep_goal, goal.min(level as usize)]);
         // What stays can still be decimated; but it takes room from what is read next.
         let settled = level - waiting as f64 > 0.375 * self.capacity as f64;

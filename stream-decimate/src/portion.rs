@@ -353,11 +353,11 @@ impl Portion {
     pub(crate) fn compact(&mut self) {
         let mut new_of = vec![u32::MAX; self.num_slots()];
         let mut used = 0;
-        for old in 0..self.num_slots() {
+        for (old, new) in new_of.iter_mut().enumerate() {
             if self.flags[old] == state::FREE {
                 continue;
             }
-            new_of[old] = used as u32;
+            *new = used as u32;
             if used != old {
                 self.vertices[used] = self.vertices[old];
                 self.flags[used] = self.flags[old];

@@ -18,10 +18,6 @@ const WINDOWS: usize = 16;
 pub(crate) const SWEPT: f64 = 4.0;
 /// A collapse may cost so many times the threshold below which a vertex is looked at.
 const LENIENCE: f32 = 2.0;
-/// Of so many that are below the threshold, one is expected to go.
-const BELOW: usize = 4;
-/// Share of the vertices in question that are below the threshold at most: one of so many.
-const AT_MOST: usize = 2;
 /// Vertices looked at to find a threshold.
 const SAMPLES: usize = 2048;
 /// Sweeps end when one does not take one of so many triangles.
@@ -74,7 +70,9 @@ impl Decimation {
             })
             .filter(|&cost| cost < f32::INFINITY)
             .collect();
-        let rank = (wanted * count / all.len().max(1)).min(costs.len() / AT_MOST);
+        let share = (wanted as f64 / all.len().max(1) as f64).min(1.0);
+        let share = (share * (1.0 + share)).min(0.9);
+        let rank = (share * costs.len() as f64) as usize;
         if costs.is_empty() || rank == 0 {
             return None;
         }
@@ -85,7 +83,7 @@ impl Decimation {
     /// One sweep; false if there is nothing left to do.
     fn sweep_once(&mut self, portion: &mut Portion, goal: usize, least: usize) -> bool {
         let wanted = portion.num_triangles().saturating_sub(goal).div_ceil(2);
-        let Some(threshold) = self.sweep_threshold(portion, BELOW * wanted) else { return false };
+        let Some(threshold) = self.sweep_threshold(portion, wanted) else { return false };
         // No window may do more than its share of what may be done.
         let below = num_due(&portion.whole(), threshold);
         let may_go = portion.num_triangles().saturating_sub(least) / 2;
