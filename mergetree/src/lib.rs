@@ -42,6 +42,7 @@
 
 mod build;
 mod camera;
+mod cut;
 mod forest;
 mod front;
 mod node;
@@ -51,6 +52,7 @@ mod view;
 
 pub use build::{BuildOptions, Records, build, collapse_in_independent_sets, vertex_normals};
 pub use camera::{Camera, CameraPath, CameraPathError};
+pub use cut::{Cut, CutRule, OpenPiece};
 pub use forest::{BaseMesh, BaseVertex, Forest, ForestError};
 pub use front::{
     Changes, CollapseBlocked, Dependencies, Front, FrontInvalid, FrontVertex, SplitBlocked,

@@ -50,6 +50,17 @@ impl Encoding {
     }
 }
 
+/// Precision of the coordinates of the input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Precision {
+    /// 32-bit floating point.
+    #[default]
+    Single,
+    /// 64-bit floating point, or decimal numbers that need it.
+    Double,
+}
+
 /// What the numbers of an attribute are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]

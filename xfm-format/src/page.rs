@@ -52,6 +52,31 @@ impl Page {
         Self::default()
     }
 
+    /// A page without blocks, to be filled from this one on.
+    pub fn starting_at(first_block: BlockId) -> Self {
+        Self { first_block: first_block.get(), ..Self::default() }
+    }
+
+    /// Appends a block with the next number, of nodes in order of their slots.
+    ///
+    /// Their ids, and with them all links, are final: `left` and `right` say which children are in the block, in another
+    /// one of the page, or in another page; `slot` means nothing. Bounds are those that
+    /// [codes](crate::BoundCodes) stand for.
+    pub fn push_block(&mut self, nodes: &[Node]) {
+        let first_node = self.nodes.len() as u32;
+        let mask = ((1u64 << nodes.len()) - 1) as u32;
+        let parent = nodes.first().and_then(|node| node.parent);
+        self.blocks.push(BlockEntry { mask, is_leaf: false, parent, first_node });
+        self.nodes.extend_from_slice(nodes);
+    }
+
+    /// Removes all blocks, to be filled again from this one on.
+    pub fn restart_at(&mut self, first_block: BlockId) {
+        self.first_block = first_block.get();
+        self.blocks.clear();
+        self.nodes.clear();
+    }
+
     /// Number of blocks.
     pub fn num_blocks(&self) -> usize {
         self.blocks.len()

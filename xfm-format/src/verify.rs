@@ -270,13 +270,18 @@ impl<'a> Verifier<'a> {
             let message = format!("has order {}, its parent {}", child.order, parent.order);
             self.report.add(place, message);
         }
-        if enclosing_radius(parent, child, child.radius) > f64::from(parent.radius) {
+        if enclosing_radius(parent.position, child.position, child.radius)
+            > f64::from(parent.radius)
+        {
             self.report.add(place, "has a sphere that reaches outside its parent's");
         }
         if child.deviation > parent.deviation {
             self.report.add(place, "has a larger deviation than its parent");
         }
-        if !cone_holds(parent.cone_sine, enclosing_angle(parent, child, child.cone_sine)) {
+        if !cone_holds(
+            parent.cone_sine,
+            enclosing_angle(parent.normal, child.normal, child.cone_sine),
+        ) {
             self.report.add(place, "has a cone that reaches outside its parent's");
         }
     }

@@ -8,52 +8,17 @@ use glam::Vec3;
 use halfedge::HalfEdgeId;
 use mergetree::{BaseMesh, Forest, HalfEdgeName, HalfEdgeNames, Node, NodeId};
 use rayon::prelude::*;
-use tempfile::NamedTempFile;
 
-use crate::bounds;
+use crate::bounds::BoundCodes;
 use crate::codec::{FieldBytes, PageContext, PageEncoder};
 use crate::error::Error;
-use crate::header::{Encoding, Header, Section, VERSION, standard_attributes};
+use crate::file_writer::{WriteOptions, WriteReport};
+use crate::header::{Header, Section, VERSION, standard_attributes};
 use crate::layout::{Layout, NotAForest, PageSpan};
 use crate::numbering::Numbering;
 use crate::page::{BlockEntry, Page};
 use crate::sections::{IndexEntry, Tag, encode_base, encode_index, encode_roots};
-
-/// How to write a file.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct WriteOptions {
-    /// Levels per block, 1 to 5. More make larger blocks, of which fewer slots are filled. Default 4.
-    pub levels: u32,
-    /// How the numbers of nodes are stored. Default [`Encoding::Exact`].
-    pub encoding: Encoding,
-    /// Nodes per page, 64 to 65536; a page is what is read, unpacked and checked at once. Default 1024.
-    pub page_nodes: usize,
-}
-
-impl Default for WriteOptions {
-    fn default() -> Self {
-        Self { levels: 4, encoding: Encoding::Exact, page_nodes: 1024 }
-    }
-}
-
-/// What was written.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct WriteReport {
-    /// Length of the file.
-    pub file_bytes: u64,
-    /// Number of blocks.
-    pub blocks: u64,
-    /// Number of pages.
-    pub pages: u64,
-    /// Part of the slots of all blocks that hold a node.
-    pub fill: f64,
-    /// Levels of the deepest tree.
-    pub tree_depth: u64,
-    /// The file's bytes by what they hold.
-    pub bytes: FieldBytes,
-}
+use crate::temporary::TemporaryFile;
 
 /// Pages that are encoded at once, in parallel.
 const BATCH_PAGES: usize = 64;
@@ -86,16 +51,14 @@ pub fn write(
     let layout = Layout::new(forest, numbering, options.page_nodes).map_err(invalid)?;
     let codes = bound_codes(forest, &layout).map_err(invalid)?;
     let io = |source| Error::Io { file: path.into(), action: "write", source };
-    let mut file = create_beside(path).map_err(io)?;
+    let mut file = TemporaryFile::create(path).map_err(io)?;
     let report = Writer { forest, layout: &layout, codes: &codes, options }
-        .write_to(file.as_file_mut())
+        .write_to(file.file())
         .map_err(|failure| match failure {
-            Failure::Io(source) => io(source),
-            Failure::Forest(not) => invalid(not),
-        })?;
-    file.as_file().sync_all().map_err(io)?;
-    file.persist(path).map_err(|failed| io(failed.error))?;
-    sync_folder(path).map_err(io)?;
+        Failure::Io(source) => io(source),
+        Failure::Forest(not) => invalid(not),
+    })?;
+    file.persist().map_err(io)?;
     Ok(report)
 }
 
@@ -141,8 +104,8 @@ fn check_orders(forest: &Forest) -> Result<(), NotAForest> {
 }
 
 /// Bounds of all nodes of the forest, from the leaves up.
-fn bound_codes(forest: &Forest, layout: &Layout) -> Result<Vec<[u16; 3]>, NotAForest> {
-    let mut codes = vec![[0; 3]; forest.nodes.len()];
+fn bound_codes(forest: &Forest, layout: &Layout) -> Result<Vec<BoundCodes>, NotAForest> {
+    let mut codes = vec![BoundCodes::default(); forest.nodes.len()];
     for &id in layout.order.iter().rev() {
         let node = &forest.nodes[id.index()];
         let fail = |message| NotAForest { node: id.index(), message };
@@ -150,40 +113,11 @@ fn bound_codes(forest: &Forest, layout: &Layout) -> Result<Vec<[u16; 3]>, NotAFo
             return Err(fail("a position that is not finite"));
         }
         let children =
-            node.children().map(|child| (&forest.nodes[child.index()], codes[child.index()]));
-        codes[id.index()] = bounds::codes(node, children)
+            node.children().map(|child| codes[child.index()].of(&forest.nodes[child.index()]));
+        codes[id.index()] = BoundCodes::enclosing(node, children)
             .ok_or_else(|| fail("a radius, cone or deviation that is not finite"))?;
     }
     Ok(codes)
-}
-
-fn create_beside(path: &Path) -> io::Result<NamedTempFile> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".xfm-").suffix(".tmp");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // What any new file gets, less what the process' mask takes away.
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(folder)
-}
-
-/// Makes the renaming last through a power failure, where the system can.
-fn sync_folder(path: &Path) -> io::Result<()> {
-    #[cfg(unix)]
-    if let Some(folder) = path.parent() {
-        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        // A folder that may be written but not read cannot be opened; the file is there all the same.
-        if let Ok(folder) = File::open(folder) {
-            return folder.sync_all();
-        }
-    }
-    Ok(())
 }
 
 enum Failure {
@@ -200,7 +134,7 @@ impl From<io::Error> for Failure {
 struct Writer<'a> {
     forest: &'a Forest,
     layout: &'a Layout,
-    codes: &'a [[u16; 3]],
+    codes: &'a [BoundCodes],
     options: &'a WriteOptions,
 }
 
@@ -355,7 +289,6 @@ impl Writer<'_> {
     fn node(&self, id: NodeId, names: HalfEdgeNames) -> Result<Node, NotAForest> {
         let new_id = &self.layout.new_id;
         let node = &self.forest.nodes[id.index()];
-        let [radius, cone_sine, deviation] = self.codes[id.index()].map(bounds::decode);
         let rename = |link: Option<NodeId>| link.map(|id| new_id[id.index()]);
         let mut adjacent = [None; 4];
         for (new, old) in adjacent.iter_mut().zip(node.adjacent) {
@@ -363,17 +296,16 @@ impl Writer<'_> {
                 NotAForest { node: id.index(), message: "an adjacent half-edge that is not there" }
             })?;
         }
-        Ok(Node {
-            radius,
-            cone_sine,
-            deviation,
+        let mut renamed = Node {
             adjacent,
             left: rename(node.left),
             right: rename(node.right),
             parent: rename(node.parent),
             slot: None,
             ..*node
-        })
+        };
+        self.codes[id.index()].store(&mut renamed);
+        Ok(renamed)
     }
 }
 

@@ -155,9 +155,7 @@ impl PageEncoder {
     }
 
     fn bound(&mut self, page: &Page, out: &mut Vec<u8>, get: impl Fn(&Node) -> f32) {
-        let code = |node: &Node| {
-            bounds::encode_up(f64::from(get(node))).map_or(bounds::MAX_CODE, u64::from)
-        };
+        let code = |node: &Node| bounds::exact_code(get(node)).map_or(bounds::MAX_CODE, u64::from);
         self.column(out, page.nodes.iter().map(code));
     }
 
