@@ -40,6 +40,7 @@
 //! front.validate(&forest).unwrap();
 //! ```
 
+mod bounds;
 mod build;
 mod camera;
 mod cut;
@@ -50,6 +51,7 @@ mod record;
 mod store;
 mod view;
 
+pub use bounds::{BoundCodes, Bounded};
 pub use build::{BuildOptions, Records, build, collapse_in_independent_sets, vertex_normals};
 pub use camera::{Camera, CameraPath, CameraPathError};
 pub use cut::{Cut, CutRule, OpenPiece};
