@@ -16,7 +16,7 @@ const AHEAD_BYTES: usize = 4 << 20;
 /// Dropping a spool that is not empty loses the room that its chunks take in the store.
 ///
 /// # Complexity
-/// Memory: one chunk for the last records, and about 40 bytes for each chunk before.
+/// Memory: one chunk for the last records, and up to 48 bytes for each chunk before.
 #[derive(Debug)]
 pub struct Spool<T> {
     /// The chunks that are full or were saved, with the number of records in each.
@@ -198,9 +198,9 @@ impl<T: Pod> Spool<T> {
     /// Has the system read ahead: all of the first ones once, then one more for each that is taken.
     fn ask<'a>(&'a self, store: &Store, mut ahead: impl Iterator<Item = &'a (Place, u32)>) {
         if self.asked {
-            ahead.nth(self.ahead - 1).into_iter().for_each(|(place, _)| store.will_take(place));
+            ahead.nth(self.ahead - 1).into_iter().for_each(|(place, _)| store.will_take(*place));
         } else {
-            ahead.take(self.ahead).for_each(|(place, _)| store.will_take(place));
+            ahead.take(self.ahead).for_each(|(place, _)| store.will_take(*place));
         }
     }
 

@@ -30,7 +30,9 @@ pub struct Store {
     scratch: Scratch,
     chunk_words: usize,
     max_held: u64,
-    held: u64,
+    /// Full chunks in memory, by number; the numbers of those that are gone are used again.
+    held: Vec<Buffer>,
+    free_held: Vec<u32>,
     /// Memory for chunks that is not in use.
     spare: Vec<Buffer>,
     file: Option<ScratchFile<u32>>,
@@ -45,9 +47,11 @@ pub struct Store {
 pub(crate) type Buffer = Vec<u32>;
 
 /// Where a full chunk is.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) enum Place {
-    Memory(Buffer),
+    /// In memory, under this number.
+    Memory(u32),
+    /// In the file.
     File(FilePlace),
 }
 
@@ -66,7 +70,8 @@ impl Store {
             scratch: scratch.clone(),
             chunk_words,
             max_held: options.memory_bytes / (4 * chunk_words as u64),
-            held: 0,
+            held: Vec::new(),
+            free_held: Vec::new(),
             spare: Vec::new(),
             file: None,
             kept: false,
@@ -118,12 +123,27 @@ impl Store {
         u64::from(self.num_places) * self.chunk_bytes() as u64
     }
 
+    /// Bytes of full chunks that are in memory now.
+    pub fn held_bytes(&self) -> u64 {
+        self.num_held() * self.chunk_bytes() as u64
+    }
+
     /// Waits until all that was written is on the disk.
     ///
     /// # Errors
     /// When the system could not write it.
     pub fn sync(&self) -> Result<(), Error> {
         self.file.as_ref().map_or(Ok(()), ScratchFile::sync)
+    }
+
+    /// Number of full chunks in memory.
+    fn num_held(&self) -> u64 {
+        (self.held.len() - self.free_held.len()) as u64
+    }
+
+    /// From now on so many bytes of full chunks may be in memory. Those that are stay.
+    pub fn set_memory_bytes(&mut self, memory_bytes: u64) {
+        self.max_held = if self.kept { 0 } else { memory_bytes / self.chunk_bytes() as u64 };
     }
 
     /// Memory for one more chunk.
@@ -134,20 +154,29 @@ impl Store {
     /// Takes memory back.
     pub(crate) fn give_back(&mut self, buffer: Buffer) {
         let spare = self.spare.len();
-        if spare < MIN_SPARE || self.held + (spare as u64) < self.max_held {
+        if spare < MIN_SPARE || self.num_held() + (spare as u64) < self.max_held {
             self.spare.push(buffer);
         }
     }
 
     /// Puts a full chunk away. Its memory is either kept or may be used again.
     pub(crate) fn put(&mut self, buffer: Buffer) -> Result<(Place, Option<Buffer>), Error> {
-        if self.held < self.max_held {
-            self.held += 1;
+        if self.num_held() < self.max_held && self.held.len() < u32::MAX as usize {
+            let number = match self.free_held.pop() {
+                Some(number) => {
+                    self.held[number as usize] = buffer;
+                    number
+                }
+                None => {
+                    self.held.push(buffer);
+                    self.held.len() as u32 - 1
+                }
+            };
             let spare = self.spare.len();
-            if spare > MIN_SPARE && self.held + spare as u64 > self.max_held {
+            if spare > MIN_SPARE && self.num_held() + spare as u64 > self.max_held {
                 drop(self.spare.pop());
             }
-            return Ok((Place::Memory(buffer), None));
+            return Ok((Place::Memory(number), None));
         }
         let place = self.write(&buffer)?;
         Ok((Place::File(place), Some(buffer)))
@@ -177,9 +206,9 @@ impl Store {
     /// Takes a chunk out again.
     pub(crate) fn take(&mut self, place: Place) -> Result<Buffer, Error> {
         match place {
-            Place::Memory(buffer) => {
-                self.held -= 1;
-                Ok(buffer)
+            Place::Memory(number) => {
+                self.free_held.push(number);
+                Ok(std::mem::take(&mut self.held[number as usize]))
             }
             Place::File(FilePlace { number, crc }) => {
                 let mut buffer = self.buffer();
@@ -205,7 +234,7 @@ impl Store {
     }
 
     /// Tells the system that a chunk will be taken soon.
-    pub(crate) fn will_take(&self, place: &Place) {
+    pub(crate) fn will_take(&self, place: Place) {
         if let (Place::File(place), Some(file)) = (place, &self.file) {
             file.will_read(u64::from(place.number) * self.chunk_words as u64, self.chunk_words);
         }

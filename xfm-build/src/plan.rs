@@ -1,0 +1,140 @@
+//! What memory is spent on, so that there is never more of it than was allowed.
+//!
+//! | stage | bytes |
+//! | --- | --- |
+//! | link | 32 per name of a vertex; [`BUFFERS`] chunks; the log held in memory; a quarter of the rest as reserve |
+//! | number | 36 per name of a vertex and 4 per name of a face; [`BUFFERS`] chunks; what is held in memory; a chunk per bucket |
+//! | write | two buckets, 72 per node; what is held in memory; 64 pages and their encoders |
+//!
+//! The reserve is for what grows with the number of nodes, slowly: up to 48 bytes for each chunk of the log and the
+//! buckets, and up to 80 for each page, together less than a byte per node.
+
+use mergetree::{CutRule, HalfEdgeNames};
+use xfm_format::{Numbering, WriteOptions};
+
+use crate::Error;
+use crate::link::LinkOptions;
+use crate::names::{MAX_VERTEX, NameBounds};
+
+/// Of a vertex' table entry while linking.
+pub(crate) const TOP_BYTES: u64 = 32;
+/// Of a vertex' table entry while numbering, with the page that may be open for it.
+const EXPECTED_BYTES: u64 = 16 + 20;
+/// Of a face's.
+const FACE_BYTES: u64 = 4;
+/// Of a node in a bucket that is made into pages, with its share of a block.
+const BUCKET_NODE_BYTES: u64 = 72;
+/// Chunks that are written to or read from at once, buckets excepted.
+const BUFFERS: u64 = 8;
+/// Encoders and the pages they work on take so much for each node of a page, 64 pages at a time.
+const PAGES_BYTES: u64 = 64 * 160;
+/// And so much for each thread.
+const ENCODER_BYTES: u64 = 2 << 20;
+/// Nodes of a bucket at most: more is not faster.
+const MAX_BUCKET_NODES: u64 = 1 << 19;
+
+/// Memory while linking.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct LinkPlan {
+    pub chunk_bytes: usize,
+    /// Bytes of the log that stay in memory.
+    pub held: u64,
+}
+
+impl LinkPlan {
+    pub fn new(options: &LinkOptions) -> Result<Self, Error> {
+        check_write_options(&options.write)?;
+        let NameBounds { vertices, faces } = options.names;
+        if vertices > MAX_VERTEX + 1 || u64::from(faces) > (1 << 32) / 3 {
+            return Err(Error::Names { vertices, faces });
+        }
+        let chunk_bytes = chunk_bytes(options.memory_bytes);
+        let tables = TOP_BYTES * u64::from(vertices);
+        // When the last collapse has come the names of the coarsest mesh are checked as well.
+        let tables = tables + 4 * u64::from(vertices) + u64::from(faces) / 8 + 8;
+        let needed = tables + BUFFERS * chunk_bytes as u64;
+        let Some(rest) = options.memory_bytes.checked_sub(needed) else {
+            return Err(Error::Memory { needed, allowed: options.memory_bytes });
+        };
+        Ok(Self { chunk_bytes, held: rest / 4 * 3 })
+    }
+}
+
+/// Memory while numbering and writing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct NumberPlan {
+    /// Bytes of log and buckets that stay in memory.
+    pub held: u64,
+    /// Nodes of a bucket; one page is never divided.
+    pub bucket_nodes: u32,
+}
+
+/// What numbering has to do with.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NumberLoad {
+    pub names: NameBounds,
+    pub nodes: u64,
+    pub pages: u64,
+    pub page_nodes: u64,
+    pub chunk_bytes: u64,
+    /// Bytes that are held in memory now.
+    pub held: u64,
+    pub threads: u64,
+}
+
+impl NumberPlan {
+    pub fn new(memory_bytes: u64, load: &NumberLoad) -> Result<Self, Error> {
+        let NumberLoad { names, nodes, pages, page_nodes, chunk_bytes, held, threads } = *load;
+        let tables =
+            EXPECTED_BYTES * u64::from(names.vertices) + FACE_BYTES * u64::from(names.faces);
+        let slow = 2 * 48 * (56 * nodes / chunk_bytes) + 80 * pages;
+        let numbering = tables + BUFFERS * chunk_bytes + slow;
+        let writing = PAGES_BYTES * page_nodes + ENCODER_BYTES * threads + BUFFERS * chunk_bytes;
+        let writing = writing + slow;
+        let needed = |bucket_nodes: u64| {
+            let buckets = nodes.div_ceil(bucket_nodes) + 1;
+            let writing = writing + 2 * BUCKET_NODE_BYTES * bucket_nodes;
+            held + writing.max(numbering + chunk_bytes * buckets)
+        };
+        // A bucket is at least a page.
+        let sizes = || {
+            let larger = |&size: &u64| (size < nodes).then_some(2 * size);
+            std::iter::successors(Some(page_nodes.max(1)), larger)
+        };
+        let fits = |&size: &u64| needed(size) <= memory_bytes;
+        let of_use = sizes().filter(fits).take_while(|&size| size <= MAX_BUCKET_NODES).last();
+        let Some(bucket_nodes) = of_use.or_else(|| sizes().find(fits)) else {
+            let needed = sizes().map(needed).min().unwrap_or(u64::MAX);
+            return Err(Error::Memory { needed, allowed: memory_bytes });
+        };
+        let held = held + memory_bytes - needed(bucket_nodes);
+        Ok(Self { held, bucket_nodes: u32::try_from(bucket_nodes).unwrap_or(u32::MAX) })
+    }
+}
+
+/// Chunks grow with the memory, so that there are neither too many of them in a large log, nor too few in memory.
+fn chunk_bytes(memory_bytes: u64) -> usize {
+    (memory_bytes / 4096).next_power_of_two().clamp(4 << 10, 256 << 10) as usize
+}
+
+/// Blocks that can have numbers: the ids of the nodes of all of them have names for six half-edges each.
+pub(crate) fn max_blocks(names: HalfEdgeNames, numbering: Numbering) -> u64 {
+    u64::from(names.max_node().get() >> numbering.levels())
+}
+
+pub(crate) fn cut_rule(options: &WriteOptions) -> CutRule {
+    CutRule { block_nodes: (1 << options.levels) - 1, page_nodes: options.page_nodes as u32 }
+}
+
+/// What the writer of the file would refuse later.
+pub(crate) fn check_write_options(options: &WriteOptions) -> Result<(), Error> {
+    for (name, value, min, max) in [
+        ("levels per block", u64::from(options.levels), 1, 5),
+        ("nodes per page", options.page_nodes as u64, 64, 65536),
+    ] {
+        if !(min..=max).contains(&value) {
+            return Err(xfm_format::Error::Option { name, value, min, max }.into());
+        }
+    }
+    Ok(())
+}
