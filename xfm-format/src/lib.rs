@@ -1,9 +1,11 @@
 //! The `.xfm` file: a pageable merge-tree forest, its writer, reader and verifier.
 //!
 //! `FORMAT.md` beside this crate's manifest is the format's only specification. In short: trees are cut into *blocks*,
-//! complete binary subtrees of a few levels, and blocks are gathered into compressed *pages* of about a thousand nodes,
-//! such that a path from a root down passes few pages. A node's id in the file says in which block it lies, and where
-//! there; see [`Numbering`]. Everything in a file is covered by a checksum, and nothing in it is trusted.
+//! connected pieces of a few nodes, and blocks are gathered into compressed *pages* of up to a thousand nodes, connected
+//! pieces too, such that a path from a root down passes few pages. A node's id in the file says in which block it lies, and
+//! where there; see [`Numbering`]. Everything in a file is covered by a checksum, and nothing in it is trusted.
+//!
+//! [`write`] takes a forest in memory, [`FileWriter`] one of any size, page by page.
 //!
 //! ```
 //! use halfedge::{HalfEdgeMesh, VertexId};
@@ -48,7 +50,7 @@ mod sections;
 mod storage;
 mod temporary;
 mod verify;
-mod writer;
+mod write;
 
 pub use bounds::{BoundCodes, Bounded};
 pub use codec::FieldBytes;
@@ -60,4 +62,4 @@ pub use page::{Block, Page};
 pub use reader::{PageReader, XfmFile};
 pub use storage::Storage;
 pub use verify::{Problem, Progress, Report, verify};
-pub use writer::write;
+pub use write::write;
