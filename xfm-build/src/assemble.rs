@@ -12,7 +12,6 @@ use crate::names::{NONE, to_option};
 /// The nodes of a bucket, page by page, in order of their ids.
 #[derive(Debug, Default)]
 pub(crate) struct Assembled {
-    numbering: Option<Numbering>,
     first_block: u32,
     pages: Vec<PageSize>,
     /// Per block where its nodes begin; [`NONE`] until its first one has come.
@@ -53,7 +52,6 @@ impl Assembled {
         numbering: Numbering,
     ) -> Result<(), Error> {
         let Bucket { nodes: mut spool, first_block, pages, num_nodes, num_blocks } = bucket;
-        self.numbering = Some(numbering);
         self.first_block = first_block;
         self.pages = pages;
         self.starts.clear();
@@ -74,11 +72,6 @@ impl Assembled {
             return Err(Error::Damaged { order: 0, what: "nodes that did not come" });
         }
         Ok(())
-    }
-
-    /// Number of pages.
-    pub fn num_pages(&self) -> usize {
-        self.pages.len()
     }
 
     /// Number of nodes.

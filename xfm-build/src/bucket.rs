@@ -135,12 +135,9 @@ impl Buckets {
         Self { all: Vec::new(), numbering, max_nodes, num_blocks: 0, num_pages: 0 }
     }
 
-    pub fn num_blocks(&self) -> u32 {
-        self.num_blocks
-    }
-
-    pub fn num_pages(&self) -> u64 {
-        self.num_pages
+    /// Number of blocks and of pages so far.
+    pub fn counts(&self) -> (u64, u64) {
+        (self.num_blocks.into(), self.num_pages)
     }
 
     pub fn numbering(&self) -> Numbering {

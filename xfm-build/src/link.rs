@@ -32,6 +32,11 @@ pub struct LinkOptions {
 }
 
 impl LinkOptions {
+    /// Bytes of memory that linking takes at least.
+    pub fn least_memory_bytes(&self) -> u64 {
+        LinkPlan::least(self.names, plan::LEAST_CHUNK_BYTES)
+    }
+
     /// The defaults for names below these.
     pub fn new(names: NameBounds) -> Self {
         Self { names, memory_bytes: 256 << 20, write: WriteOptions::default() }

@@ -5,7 +5,7 @@ use glam::Vec3;
 use halfedge::{HalfEdgeId, VertexId};
 use mergetree::{BoundCodes, CollapseRecord, Cut, OctNormal, OpenPiece};
 
-use crate::names::{MAX_VERTEX, NONE, from_option, to_option};
+use crate::names::{MAX_VERTEX, from_option, to_option};
 
 /// One collapse in the log, with what was found out about it on the way: its bounds, and where it is cut from its children.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -129,6 +129,7 @@ mod tests {
     use mergetree::StarBounds;
 
     use super::*;
+    use crate::names::NONE;
 
     #[test]
     fn entries_give_back_what_they_were_made_of() {

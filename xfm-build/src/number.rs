@@ -10,7 +10,7 @@ use crate::coarse::Coarse;
 use crate::kept::Kept;
 use crate::link::Linked;
 use crate::log::{LogEntry, LoggedChild, PageSize};
-use crate::names::{NONE, from_option};
+use crate::names::NONE;
 use crate::plan::{NumberLoad, NumberPlan};
 use crate::progress::{Observer, Stage};
 use crate::{Error, RecordProblem};
@@ -363,6 +363,23 @@ impl Numbered {
 }
 
 impl Linked {
+    fn load(&self) -> NumberLoad {
+        NumberLoad {
+            names: self.names,
+            nodes: self.counts.nodes,
+            pages: self.counts.pages,
+            page_nodes: self.write.page_nodes as u64,
+            chunk_bytes: self.store.chunk_bytes() as u64,
+            held: self.store.held_bytes(),
+            threads: rayon::current_num_threads() as u64,
+        }
+    }
+
+    /// Bytes of memory that numbering and writing take at least, with what is held of the log.
+    pub fn least_memory_bytes(&self) -> u64 {
+        NumberPlan::least(&self.load())
+    }
+
     /// Gives all nodes their places in the file, going through the log once from its end.
     ///
     /// # Complexity
@@ -377,20 +394,9 @@ impl Linked {
         options: &NumberOptions,
         observer: &mut Observer<'_>,
     ) -> Result<Numbered, Error> {
+        let plan = NumberPlan::new(options.memory_bytes, &self.load())?;
         let Self { scratch, write, names: bounds, store, mut log, sizes, counts, mut coarse, kept } =
             self;
-        let plan = NumberPlan::new(
-            options.memory_bytes,
-            &NumberLoad {
-                names: bounds,
-                nodes: counts.nodes,
-                pages: counts.pages,
-                page_nodes: write.page_nodes as u64,
-                chunk_bytes: store.chunk_bytes() as u64,
-                held: store.held_bytes(),
-                threads: rayon::current_num_threads() as u64,
-            },
-        )?;
         let mut stores = Stores { log: store, buckets: None };
         if kept.is_some() {
             let mut options = StoreOptions::default();
@@ -425,11 +431,14 @@ impl Linked {
         }
         piece.clear(stores.log());
         numberer.check_end(stores.log(), order)?;
+        if numberer.buckets.counts() != (counts.blocks, counts.pages) {
+            return Err(damaged(0, "blocks or pages that did not come"));
+        }
         let Numberer { buckets, depth, .. } = numberer;
         let totals = Totals {
             nodes: counts.nodes,
-            blocks: buckets.num_blocks().into(),
-            pages: buckets.num_pages(),
+            blocks: counts.blocks,
+            pages: counts.pages,
             input_triangles: counts.faces + coarse.base.faces.len() as u64,
             tree_depth: depth.into(),
             bounds: counts.bounds(),

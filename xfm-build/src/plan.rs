@@ -26,6 +26,8 @@ const FACE_BYTES: u64 = 4;
 const BUCKET_NODE_BYTES: u64 = 72;
 /// Chunks that are written to or read from at once, buckets excepted.
 const BUFFERS: u64 = 8;
+/// Chunks are not smaller.
+pub(crate) const LEAST_CHUNK_BYTES: usize = 4 << 10;
 /// Encoders and the pages they work on take so much for each node of a page, 64 pages at a time.
 const PAGES_BYTES: u64 = 64 * 160;
 /// And so much for each thread.
@@ -42,17 +44,22 @@ pub(crate) struct LinkPlan {
 }
 
 impl LinkPlan {
+    /// Bytes of memory that linking takes at least, with chunks of this size.
+    pub fn least(names: NameBounds, chunk_bytes: usize) -> u64 {
+        let NameBounds { vertices, faces } = names;
+        // When the last collapse has come the names of the coarsest mesh are checked as well.
+        let tables = (TOP_BYTES + 4) * u64::from(vertices) + u64::from(faces) / 8 + 8;
+        tables + BUFFERS * chunk_bytes as u64
+    }
+
     pub fn new(options: &LinkOptions) -> Result<Self, Error> {
-        check_write_options(&options.write)?;
+        options.write.check()?;
         let NameBounds { vertices, faces } = options.names;
         if vertices > MAX_VERTEX + 1 || u64::from(faces) > (1 << 32) / 3 {
             return Err(Error::Names { vertices, faces });
         }
         let chunk_bytes = chunk_bytes(options.memory_bytes);
-        let tables = TOP_BYTES * u64::from(vertices);
-        // When the last collapse has come the names of the coarsest mesh are checked as well.
-        let tables = tables + 4 * u64::from(vertices) + u64::from(faces) / 8 + 8;
-        let needed = tables + BUFFERS * chunk_bytes as u64;
+        let needed = Self::least(options.names, chunk_bytes);
         let Some(rest) = options.memory_bytes.checked_sub(needed) else {
             return Err(Error::Memory { needed, allowed: options.memory_bytes });
         };
@@ -83,38 +90,47 @@ pub(crate) struct NumberLoad {
 }
 
 impl NumberPlan {
-    pub fn new(memory_bytes: u64, load: &NumberLoad) -> Result<Self, Error> {
+    /// Bytes of memory that are taken with buckets of so many nodes.
+    fn needed(load: &NumberLoad, bucket_nodes: u64) -> u64 {
         let NumberLoad { names, nodes, pages, page_nodes, chunk_bytes, held, threads } = *load;
+        let slow = 2 * 48 * (56 * nodes / chunk_bytes) + 80 * pages;
+        let fixed = held + slow + BUFFERS * chunk_bytes;
         let tables =
             EXPECTED_BYTES * u64::from(names.vertices) + FACE_BYTES * u64::from(names.faces);
-        let slow = 2 * 48 * (56 * nodes / chunk_bytes) + 80 * pages;
-        let numbering = tables + BUFFERS * chunk_bytes + slow;
-        let writing = PAGES_BYTES * page_nodes + ENCODER_BYTES * threads + BUFFERS * chunk_bytes;
-        let writing = writing + slow;
-        let needed = |bucket_nodes: u64| {
-            let buckets = nodes.div_ceil(bucket_nodes) + 1;
-            let writing = writing + 2 * BUCKET_NODE_BYTES * bucket_nodes;
-            held + writing.max(numbering + chunk_bytes * buckets)
+        let numbering = tables + chunk_bytes * (nodes.div_ceil(bucket_nodes) + 1);
+        let encoding = PAGES_BYTES * page_nodes + ENCODER_BYTES * threads;
+        let writing = encoding + 2 * BUCKET_NODE_BYTES * bucket_nodes;
+        fixed + numbering.max(writing)
+    }
+
+    /// Sizes that buckets may have: from a page on.
+    fn sizes(load: &NumberLoad) -> impl Iterator<Item = u64> {
+        let nodes = load.nodes;
+        let larger = move |&size: &u64| (size < nodes).then_some(2 * size);
+        std::iter::successors(Some(load.page_nodes.max(1)), larger)
+    }
+
+    /// Bytes of memory that numbering and writing take at least.
+    pub fn least(load: &NumberLoad) -> u64 {
+        Self::sizes(load).map(|size| Self::needed(load, size)).min().unwrap_or(u64::MAX)
+    }
+
+    pub fn new(memory_bytes: u64, load: &NumberLoad) -> Result<Self, Error> {
+        let fits = |&size: &u64| Self::needed(load, size) <= memory_bytes;
+        let of_use = || Self::sizes(load).take_while(|&size| size <= MAX_BUCKET_NODES);
+        let largest = of_use().filter(fits).last();
+        let Some(bucket_nodes) = largest.or_else(|| Self::sizes(load).find(fits)) else {
+            return Err(Error::Memory { needed: Self::least(load), allowed: memory_bytes });
         };
-        // A bucket is at least a page.
-        let sizes = || {
-            let larger = |&size: &u64| (size < nodes).then_some(2 * size);
-            std::iter::successors(Some(page_nodes.max(1)), larger)
-        };
-        let fits = |&size: &u64| needed(size) <= memory_bytes;
-        let of_use = sizes().filter(fits).take_while(|&size| size <= MAX_BUCKET_NODES).last();
-        let Some(bucket_nodes) = of_use.or_else(|| sizes().find(fits)) else {
-            let needed = sizes().map(needed).min().unwrap_or(u64::MAX);
-            return Err(Error::Memory { needed, allowed: memory_bytes });
-        };
-        let held = held + memory_bytes - needed(bucket_nodes);
+        let held = load.held + memory_bytes - Self::needed(load, bucket_nodes);
         Ok(Self { held, bucket_nodes: u32::try_from(bucket_nodes).unwrap_or(u32::MAX) })
     }
 }
 
 /// Chunks grow with the memory, so that there are neither too many of them in a large log, nor too few in memory.
 fn chunk_bytes(memory_bytes: u64) -> usize {
-    (memory_bytes / 4096).next_power_of_two().clamp(4 << 10, 256 << 10) as usize
+    let bytes = (memory_bytes / 4096).next_power_of_two();
+    bytes.clamp(LEAST_CHUNK_BYTES as u64, 256 << 10) as usize
 }
 
 /// Blocks that can have numbers: the ids of the nodes of all of them have names for six half-edges each.
@@ -124,17 +140,4 @@ pub(crate) fn max_blocks(names: HalfEdgeNames, numbering: Numbering) -> u64 {
 
 pub(crate) fn cut_rule(options: &WriteOptions) -> CutRule {
     CutRule { block_nodes: (1 << options.levels) - 1, page_nodes: options.page_nodes as u32 }
-}
-
-/// What the writer of the file would refuse later.
-pub(crate) fn check_write_options(options: &WriteOptions) -> Result<(), Error> {
-    for (name, value, min, max) in [
-        ("levels per block", u64::from(options.levels), 1, 5),
-        ("nodes per page", options.page_nodes as u64, 64, 65536),
-    ] {
-        if !(min..=max).contains(&value) {
-            return Err(xfm_format::Error::Option { name, value, min, max }.into());
-        }
-    }
-    Ok(())
 }

@@ -49,7 +49,11 @@ impl Default for WriteOptions {
 }
 
 impl WriteOptions {
-    pub(crate) fn check(&self) -> Result<(), Error> {
+    /// Checks that all options are in their ranges.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for the first one that is not.
+    pub fn check(&self) -> Result<(), Error> {
         for (name, value, min, max) in [
             ("levels per block", u64::from(self.levels), 1, 5),
             ("nodes per page", self.page_nodes as u64, 64, 65536),
@@ -434,7 +438,8 @@ fn new_header(options: &WriteOptions, totals: &Totals, base: &BaseMesh) -> Heade
         base_faces: base.faces.len() as u64,
         roots: base.roots().count() as u64,
         tree_depth: totals.tree_depth,
-        bounds: totals.bounds,
+        // Whether a zero is the negative one hangs on the order in which positions are looked at.
+        bounds: totals.bounds.map(|corner| corner + Vec3::ZERO),
         origin: options.origin,
         precision: options.precision,
         attributes: standard_attributes(),
