@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 
+use bytemuck::{Pod, Zeroable};
 use halfedge::FaceId;
 use mergetree::{BaseMesh, BaseVertex, CutRule, NodeId};
 
@@ -24,7 +25,8 @@ pub(crate) struct Coarse {
 }
 
 /// A tree under a vertex of the coarsest mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
 pub(crate) struct CoarseRoot {
     /// Name of the vertex.
     pub name: u32,
@@ -68,7 +70,7 @@ pub(crate) fn close(
         }
         let (position, normal) = (vertex.position, vertex.normal);
         base.vertices.push(BaseVertex { position, normal, root: None });
-        let top = std::mem::replace(&mut tops[name.index()], bytemuck::Zeroable::zeroed());
+        let top = std::mem::replace(&mut tops[name.index()], Zeroable::zeroed());
         if let Some(piece) = top.piece() {
             trees.push((top.order, piece, name.get(), index as u32));
         }

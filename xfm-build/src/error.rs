@@ -83,9 +83,6 @@ pub enum RecordProblem {
     /// Position or bounds are not finite numbers.
     #[error("a position or bound that is not a finite number")]
     NotFinite,
-    /// The vertex it keeps is neither removed later nor in the coarsest mesh.
-    #[error("the vertex that it keeps is neither removed later nor in the coarsest mesh")]
-    LostVertex,
     /// It names a half-edge whose face is neither removed later nor in the coarsest mesh.
     #[error(
         "half-edge {0} belongs to a face that is neither removed later nor in the coarsest mesh"

@@ -14,6 +14,7 @@ mod progress;
 mod write;
 
 pub use error::{CoarseProblem, Error, RecordProblem, StateProblem};
+pub use kept::Keep;
 pub use link::{LinkOptions, Linked, Linker};
 pub use names::{CoarseFace, CoarseMesh, CoarseVertex, NameBounds};
 pub use number::{NumberOptions, Numbered};

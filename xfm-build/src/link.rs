@@ -10,7 +10,7 @@ use scratch::{Scratch, Spool, Store, StoreOptions};
 use xfm_format::{Numbering, WriteOptions};
 
 use crate::coarse::{Coarse, close};
-use crate::kept::Kept;
+use crate::kept::{Keep, Kept};
 use crate::log::{LogEntry, LoggedChild, PageSize};
 use crate::names::{CoarseMesh, MAX_VERTEX, NONE, NameBounds, from_option};
 use crate::plan::{self, LinkPlan};
@@ -153,6 +153,8 @@ pub struct Linker {
     counts: Counts,
     /// More blocks than these cannot be named, whatever the coarsest mesh.
     max_blocks: u64,
+    plan: LinkPlan,
+    kept: Option<Kept>,
 }
 
 impl Linker {
@@ -166,12 +168,33 @@ impl Linker {
         let mut store_options = StoreOptions::default();
         store_options.chunk_bytes = plan.chunk_bytes;
         store_options.memory_bytes = plan.held;
-        Self::with_store(scratch, Store::new(scratch, &store_options), options)
+        Ok(Self::with_store(scratch, Store::new(scratch, &store_options), options, plan))
     }
 
-    fn with_store(scratch: &Scratch, store: Store, options: &LinkOptions) -> Result<Self, Error> {
+    /// A linker with a log that stays when it is whole, until the file is there, so that a later run can go on with it
+    /// ([`Linked::resume`]). None of the log lies in memory.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and when there is such a log already: then either go on with it or [remove](Keep::remove) it.
+    pub fn new_kept(scratch: &Scratch, options: &LinkOptions, keep: &Keep) -> Result<Self, Error> {
+        let plan = LinkPlan::new(options)?;
+        let store = Store::new_kept(scratch, &keep.log_name(), plan.chunk_bytes)?;
+        let mut linker = Self::with_store(scratch, store, options, plan);
+        linker.kept = Some(Kept::new(scratch, keep));
+        Ok(linker)
+    }
+
+    /// Makes sure, as far as the system tells, that the disk has room for so many collapses.
+    ///
+    /// # Errors
+    /// [`Error::Scratch`] when it does not.
+    pub fn require(&self, nodes: u64) -> Result<(), Error> {
+        Ok(self.scratch.require(self.plan.scratch_bytes(nodes, self.kept.is_some()))?)
+    }
+
+    fn with_store(scratch: &Scratch, store: Store, options: &LinkOptions, plan: LinkPlan) -> Self {
         let numbering = Numbering::new(options.write.levels);
-        Ok(Self {
+        Self {
             scratch: scratch.clone(),
             write: options.write.clone(),
             rule: plan::cut_rule(&options.write),
@@ -183,7 +206,9 @@ impl Linker {
             store,
             counts: Counts::new(),
             max_blocks: plan::max_blocks(HalfEdgeNames::new(0), numbering),
-        })
+            plan,
+            kept: None,
+        }
     }
 
     /// Number of collapses so far.
@@ -267,7 +292,8 @@ impl Linker {
     /// Ends the sequence with the mesh that is left.
     ///
     /// # Errors
-    /// [`Error::Coarse`] when it cannot be what is left; [`Error::TooLarge`].
+    /// [`Error::Coarse`] when it cannot be what is left; [`Error::TooLarge`]; where the log is kept also [`Error::Scratch`]
+    /// and [`Error::State`].
     pub fn finish(mut self, mesh: &CoarseMesh) -> Result<Linked, Error> {
         let coarse = close(mesh, self.names, &mut self.tops, self.rule)?;
         for vertex in &mesh.vertices {
@@ -280,7 +306,7 @@ impl Linker {
         if self.counts.blocks > max {
             return Err(Error::TooLarge { nodes: self.counts.nodes, max });
         }
-        Ok(Linked {
+        let mut linked = Linked {
             scratch: self.scratch,
             write: self.write,
             names: self.names,
@@ -290,7 +316,12 @@ impl Linker {
             counts: self.counts,
             coarse,
             kept: None,
-        })
+        };
+        if let Some(mut kept) = self.kept {
+            kept.save(&mut linked)?;
+            linked.kept = Some(kept);
+        }
+        Ok(linked)
     }
 }
 

@@ -139,7 +139,7 @@ impl Numberer<'_> {
         let [removed, kept] = [entry.removed().index(), entry.kept().index()];
         let expected = match self.vertices.get(kept) {
             Some(expected) if expected.page != NONE => *expected,
-            _ => return Err(wrong(RecordProblem::LostVertex)),
+            _ => return Err(damaged(order, "a node that nothing waits for")),
         };
         let at = self.locate(stores, order, &expected)?;
         let children = entry.children().map_err(|()| damaged(order, "children that cannot be"))?;

@@ -13,7 +13,9 @@ use mergetree::{CutRule, HalfEdgeNames};
 use xfm_format::{Numbering, WriteOptions};
 
 use crate::Error;
+use crate::bucket::Placed;
 use crate::link::LinkOptions;
+use crate::log::LogEntry;
 use crate::names::{MAX_VERTEX, NameBounds};
 
 /// Of a vertex' table entry while linking.
@@ -50,6 +52,15 @@ impl LinkPlan {
         // When the last collapse has come the names of the coarsest mesh are checked as well.
         let tables = (TOP_BYTES + 4) * u64::from(vertices) + u64::from(faces) / 8 + 8;
         tables + BUFFERS * chunk_bytes as u64
+    }
+
+    /// Scratch space for so many nodes: that of the log less what stays in memory, or of the log and the buckets.
+    pub fn scratch_bytes(&self, nodes: u64, is_kept: bool) -> u64 {
+        let log = nodes.saturating_mul(size_of::<LogEntry>() as u64);
+        match is_kept {
+            true => log.saturating_add(nodes.saturating_mul(size_of::<Placed>() as u64)),
+            false => log.saturating_sub(self.held),
+        }
     }
 
     pub fn new(options: &LinkOptions) -> Result<Self, Error> {
