@@ -219,12 +219,11 @@ impl<T: Pod> Spool<T> {
     /// # Panics
     /// When the store is not a kept one.
     pub fn save(&mut self, store: &mut Store) -> Result<SavedSpool, Error> {
-        if self.tail_len > 0
-            && let Some(tail) = &self.tail
-        {
-            let place = store.write(tail)?;
+        if let Some(tail) = self.tail.take() {
+            let place = store.write(&tail)?;
             self.chunks.push_back((Place::File(place), self.tail_len as u32));
             self.tail_len = 0;
+            store.give_back(tail);
         }
         let saved = |(place, records): &(Place, u32)| match place {
             Place::File(place) => {
@@ -377,6 +376,11 @@ mod tests {
         let chunks = store.num_file_chunks();
         (40..100).for_each(|i| spool.push(&mut store, &i).unwrap());
         store.sync().unwrap();
+        let whole = spool.save(&mut store).unwrap();
+        let mut piece = Piece::default();
+        assert!(spool.take_last(&mut store, &mut piece).unwrap());
+        assert_eq!(piece.items(), (88..100).collect::<Vec<u32>>());
+        assert_eq!(whole.chunks.iter().map(|chunk| chunk.records).sum::<u32>(), 100);
         drop((spool, store));
 
         let read = |saved: &SavedSpool, chunks| -> Result<Vec<u32>, Error> {

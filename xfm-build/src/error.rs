@@ -65,6 +65,12 @@ pub enum Error {
         /// What is wrong with it.
         problem: StateProblem,
     },
+    /// A thread could not be started.
+    #[error("a thread could not be started: {0}")]
+    Thread(std::io::Error),
+    /// The linker takes no more collapses, because it has failed before.
+    #[error("the collapses are not linked any more")]
+    Stopped,
     /// The observer asked to stop.
     #[error("interrupted")]
     Interrupted,

@@ -28,7 +28,7 @@ use crate::{Error, StateProblem};
 /// Where a run leaves what a later one can go on from, and what it is about.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keep {
-    /// Begins the names of the files in the scratch folder.
+    /// Begins the names of the files in the scratch folder; a name itself, without a folder.
     pub name: String,
     /// What the collapses are made of, and how: a later run goes on only where it says the same. The files' names, lengths
     /// and times, the options, the version of the program.

@@ -367,4 +367,9 @@ impl Linked {
     pub fn num_nodes(&self) -> u64 {
         self.counts.nodes
     }
+
+    /// Number of faces of the coarsest mesh.
+    pub fn num_base_faces(&self) -> u64 {
+        self.coarse.base.faces.len() as u64
+    }
 }

@@ -211,6 +211,11 @@ impl Names {
     }
 }
 
+fn half_edges(record: &CollapseRecord) -> [Option<HalfEdgeId>; 6] {
+    let [w, x, y, z] = record.adjacent;
+    [Some(record.half_edge), record.reverse, w, x, y, z]
+}
+
 /// The same sequence with names that are used again: a vertex or face gets one when it is first spoken of, and loses it when
 /// it is removed. Faces are turned as well, so that their first half-edge is another one; those that are left are not, as a
 /// file shows how they are turned.
@@ -232,10 +237,10 @@ pub fn recycled(sequence: &Sequence, seed: u64) -> Sequence {
         let mut new = record;
         new.removed = VertexId::new(vertices.of(record.removed.get(), &mut random));
         new.kept = VertexId::new(vertices.of(record.kept.get(), &mut random));
-        let mut name = |h: HalfEdgeId| rename_face(h, &mut faces, &mut random);
-        new.half_edge = name(record.half_edge);
-        new.reverse = record.reverse.map(&mut name);
-        new.adjacent = record.adjacent.map(|h| h.map(&mut name));
+        let [h, reverse, w, x, y, z] =
+            half_edges(&record).map(|h| h.map(|h| rename_face(h, &mut faces, &mut random)));
+        (new.half_edge, new.reverse) = (h.unwrap(), reverse);
+        new.adjacent = [w, x, y, z];
         records.push((new, position, normal));
         vertices.end(record.removed.get());
         faces.end(record.half_edge.face().get());
