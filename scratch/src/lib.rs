@@ -34,6 +34,7 @@
 
 mod error;
 mod file;
+mod places;
 mod spool;
 mod store;
 

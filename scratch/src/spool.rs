@@ -1,10 +1,10 @@
 //! A row of records: appended to, then taken away from either end.
 
-use std::collections::VecDeque;
 use std::marker::PhantomData;
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::places::{Entry, Places};
 use crate::store::{Buffer, FilePlace, Place};
 use crate::{Error, Store};
 
@@ -16,11 +16,11 @@ const AHEAD_BYTES: usize = 4 << 20;
 /// Dropping a spool that is not empty loses the room that its chunks take in the store.
 ///
 /// # Complexity
-/// Memory: one chunk for the last records, and up to 48 bytes for each chunk before.
+/// Memory: one chunk for the last records, and 1 KiB for every 64 chunks before.
 #[derive(Debug)]
 pub struct Spool<T> {
-    /// The chunks that are full or were saved, with the number of records in each.
-    chunks: VecDeque<(Place, u32)>,
+    /// The chunks that are full or were saved.
+    chunks: Places,
     tail: Option<Buffer>,
     tail_len: usize,
     /// Records of a full chunk.
@@ -100,7 +100,7 @@ impl<T: Pod> Spool<T> {
         let capacity = store.chunk_bytes() / size_of::<T>();
         assert!(capacity > 0, "a chunk of {} bytes holds no record", store.chunk_bytes());
         Self {
-            chunks: VecDeque::new(),
+            chunks: Places::default(),
             tail: None,
             tail_len: 0,
             capacity,
@@ -147,7 +147,7 @@ impl<T: Pod> Spool<T> {
         let mut memory = None;
         if let Some(full) = self.tail.take() {
             let (place, left) = store.put(full)?;
-            self.chunks.push_back((place, self.tail_len as u32));
+            self.chunks.push_back(Entry { place, records: self.tail_len as u32 });
             memory = left;
         }
         self.tail_len = 0;
@@ -166,12 +166,10 @@ impl<T: Pod> Spool<T> {
             self.tail_len = 0;
             return Ok(true);
         }
-        let Some((place, len)) = self.chunks.pop_back() else { return Ok(false) };
-        let ahead = self.chunks.iter().rev();
-        self.ask(store, ahead);
-        self.asked = true;
-        let buffer = store.take(place)?;
-        self.hand_over(buffer, len as usize, piece);
+        let Some(entry) = self.chunks.pop_back() else { return Ok(false) };
+        let len = self.chunks.len();
+        self.ask(store, |ahead| len.checked_sub(ahead));
+        self.take(store, entry, piece)?;
         Ok(true)
     }
 
@@ -181,12 +179,9 @@ impl<T: Pod> Spool<T> {
     /// When the scratch file cannot be read.
     pub fn take_first(&mut self, store: &mut Store, piece: &mut Piece<T>) -> Result<bool, Error> {
         piece.clear(store);
-        if let Some((place, len)) = self.chunks.pop_front() {
-            let ahead = self.chunks.iter();
-            self.ask(store, ahead);
-            self.asked = true;
-            let buffer = store.take(place)?;
-            self.hand_over(buffer, len as usize, piece);
+        if let Some(entry) = self.chunks.pop_front() {
+            self.ask(store, |ahead| Some(ahead - 1));
+            self.take(store, entry, piece)?;
             return Ok(true);
         }
         let Some(tail) = self.tail.take() else { return Ok(false) };
@@ -195,13 +190,20 @@ impl<T: Pod> Spool<T> {
         Ok(true)
     }
 
-    /// Has the system read ahead: all of the first ones once, then one more for each that is taken.
-    fn ask<'a>(&'a self, store: &Store, mut ahead: impl Iterator<Item = &'a (Place, u32)>) {
-        if self.asked {
-            ahead.nth(self.ahead - 1).into_iter().for_each(|(place, _)| store.will_take(*place));
-        } else {
-            ahead.take(self.ahead).for_each(|(place, _)| store.will_take(*place));
+    /// Has the system read ahead: all of the first ones once, then one more for each that is taken. `nth` is the place of the
+    /// chunk that will be taken then, 1 for the next one.
+    fn ask(&mut self, store: &Store, nth: impl Fn(usize) -> Option<usize>) {
+        let first = if self.asked { self.ahead } else { 1 };
+        self.asked = true;
+        for entry in (first..=self.ahead).filter_map(|ahead| self.chunks.get(nth(ahead)?)) {
+            store.will_take(entry.place);
         }
+    }
+
+    fn take(&mut self, store: &mut Store, entry: Entry, piece: &mut Piece<T>) -> Result<(), Error> {
+        let buffer = store.take(entry.place)?;
+        self.hand_over(buffer, entry.records as usize, piece);
+        Ok(())
     }
 
     fn hand_over(&mut self, buffer: Buffer, len: usize, piece: &mut Piece<T>) {
@@ -221,13 +223,14 @@ impl<T: Pod> Spool<T> {
     pub fn save(&mut self, store: &mut Store) -> Result<SavedSpool, Error> {
         if let Some(tail) = self.tail.take() {
             let place = store.write(&tail)?;
-            self.chunks.push_back((Place::File(place), self.tail_len as u32));
+            let records = self.tail_len as u32;
+            self.chunks.push_back(Entry { place: Place::File(place), records });
             self.tail_len = 0;
             store.give_back(tail);
         }
-        let saved = |(place, records): &(Place, u32)| match place {
-            Place::File(place) => {
-                SavedChunk { number: place.number, records: *records, crc: place.crc }
+        let saved = |entry: Entry| match entry.place {
+            Place::File(FilePlace { number, crc }) => {
+                SavedChunk { number, records: entry.records, crc }
             }
             Place::Memory(_) => panic!("a spool is saved whose store is not kept"),
         };
@@ -245,7 +248,7 @@ impl<T: Pod> Spool<T> {
                 return Err(store.inconsistent());
             }
             let place = FilePlace { number: chunk.number, crc: chunk.crc };
-            spool.chunks.push_back((Place::File(place), chunk.records));
+            spool.chunks.push_back(Entry { place: Place::File(place), records: chunk.records });
             spool.len += u64::from(chunk.records);
         }
         Ok(spool)
@@ -255,6 +258,8 @@ impl<T: Pod> Spool<T> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+
+    use std::collections::VecDeque;
 
     use super::*;
     use crate::{Scratch, StoreOptions};

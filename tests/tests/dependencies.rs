@@ -3,7 +3,7 @@
 use std::process::Command;
 
 /// Who may use whom: a crate uses only those named before it; `may` narrows that down further.
-const ORDER: [&str; 12] = [
+const ORDER: [&str; 13] = [
     "halfedge",
     "qem",
     "mesh-io",
@@ -11,6 +11,7 @@ const ORDER: [&str; 12] = [
     "stream-decimate",
     "mergetree",
     "xfm-format",
+    "xfm-build",
     "xfm-pager",
     "vk-render",
     "xfm",
@@ -25,6 +26,7 @@ fn may(name: &str) -> Option<&'static [&'static str]> {
         "stream-decimate" => &["halfedge", "qem", "mesh-io", "scratch"],
         "mergetree" => &["halfedge", "qem"],
         "xfm-format" => &["halfedge", "mergetree"],
+        "xfm-build" => &["halfedge", "scratch", "mergetree", "xfm-format"],
         "xfm-pager" => &["halfedge", "mergetree", "xfm-format"],
         _ => return None,
     })

@@ -59,8 +59,11 @@ pub(crate) fn close(
         return fail(CoarseProblem::TooLarge);
     }
     let mut place = vec![None; names.vertices as usize];
-    let mut base = BaseMesh::default();
-    let mut trees = Vec::new();
+    let mut base = BaseMesh {
+        vertices: Vec::with_capacity(mesh.vertices.len()),
+        faces: Vec::with_capacity(mesh.faces.len()),
+    };
+    let mut trees = Vec::with_capacity(mesh.vertices.len());
     for (index, vertex) in mesh.vertices.iter().enumerate() {
         let name = vertex.name;
         match place.get_mut(name.index()) {

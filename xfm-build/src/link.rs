@@ -24,8 +24,10 @@ pub struct LinkOptions {
     pub names: NameBounds,
     /// Memory that the linker may take, its tables included, in bytes. Default 256 MiB.
     ///
-    /// The tables take 32 bytes for each name of a vertex. A quarter of the rest is kept for what grows slowly with the
-    /// number of collapses, and in what is left lies the log, as much of it as fits.
+    /// The tables take 36 bytes for each name of a vertex and an eighth for each of a face. A quarter of the rest is kept for
+    /// what grows slowly with the number of collapses, and for the coarsest mesh; in what is left lies the log, as much of it
+    /// as fits. With 64 MiB beside the tables there is room for 60 million collapses, with 256 MiB for as many as a file can
+    /// have.
     pub memory_bytes: u64,
     /// The file to be written.
     pub write: WriteOptions,
@@ -153,6 +155,8 @@ pub struct Linker {
     counts: Counts,
     /// More blocks than these cannot be named, whatever the coarsest mesh.
     max_blocks: u64,
+    /// More nodes than these are only just possible, or not any more.
+    max_nodes: u64,
     plan: LinkPlan,
     kept: Option<Kept>,
 }
@@ -206,6 +210,7 @@ impl Linker {
             store,
             counts: Counts::new(),
             max_blocks: plan::max_blocks(HalfEdgeNames::new(0), numbering),
+            max_nodes: plan.max_nodes(),
             plan,
             kept: None,
         }
@@ -224,7 +229,8 @@ impl Linker {
     /// Takes the next collapse, with position and normal of the vertex that it removes.
     ///
     /// # Errors
-    /// [`Error::Record`] when the collapse by itself is none; [`Error::TooLarge`] after too many; [`Error::Scratch`].
+    /// [`Error::Record`] when the collapse by itself is none; [`Error::TooLarge`] after too many, and [`Error::Memory`] after
+    /// too many for the memory; [`Error::Scratch`].
     /// After an error the linker is of no use any more.
     pub fn push(
         &mut self,
@@ -233,6 +239,9 @@ impl Linker {
         normal: OctNormal,
     ) -> Result<(), Error> {
         let order = self.counts.nodes;
+        if order >= self.max_nodes {
+            self.plan.check(order + 1, 0, 0)?;
+        }
         let wrong = |problem| Error::Record { order, problem };
         check_record(record, self.names).map_err(wrong)?;
         if !position.is_finite() {
@@ -295,6 +304,7 @@ impl Linker {
     /// [`Error::Coarse`] when it cannot be what is left; [`Error::TooLarge`]; where the log is kept also [`Error::Scratch`]
     /// and [`Error::State`].
     pub fn finish(mut self, mesh: &CoarseMesh) -> Result<Linked, Error> {
+        self.plan.check(self.counts.nodes, mesh.vertices.len(), mesh.faces.len())?;
         let coarse = close(mesh, self.names, &mut self.tops, self.rule)?;
         for vertex in &mesh.vertices {
             self.counts.add_position(vertex.position);

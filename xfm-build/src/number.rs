@@ -369,6 +369,8 @@ impl Linked {
             nodes: self.counts.nodes,
             pages: self.counts.pages,
             page_nodes: self.write.page_nodes as u64,
+            base_vertices: self.coarse.base.vertices.len(),
+            base_faces: self.coarse.base.faces.len(),
             chunk_bytes: self.store.chunk_bytes() as u64,
             held: self.store.held_bytes(),
             threads: rayon::current_num_threads() as u64,

@@ -2,12 +2,12 @@
 //!
 //! | stage | bytes |
 //! | --- | --- |
-//! | link | 32 per name of a vertex; [`BUFFERS`] chunks; the log held in memory; a quarter of the rest as reserve |
-//! | number | 36 per name of a vertex and 4 per name of a face; [`BUFFERS`] chunks; what is held in memory; a chunk per bucket |
-//! | write | two buckets, 72 per node; what is held in memory; 64 pages and their encoders |
+//! | link | tables: 36 per name of a vertex, an eighth per name of a face; [`BUFFERS`] chunks; a reserve; the rest holds the log |
+//! | number | tables: 36 per name of a vertex, 4 per name of a face; [`BUFFERS`] chunks; a chunk per bucket; what is held |
+//! | write | two buckets, [`BUCKET_NODE_BYTES`] per node; 64 pages and their encoders; what is held |
 //!
-//! The reserve is for what grows with the number of nodes, slowly: up to 48 bytes for each chunk of the log and the
-//! buckets, and up to 80 for each page, together less than a byte per node.
+//! Beside these, what grows with the number of nodes, slowly: lists of chunks and pages, together less than half a byte per
+//! node; and the coarsest mesh. While linking these come out of the reserve, and it is an error when they do not fit into it.
 
 use mergetree::{CutRule, HalfEdgeNames};
 use xfm_format::{Numbering, WriteOptions};
@@ -28,8 +28,24 @@ const FACE_BYTES: u64 = 4;
 const BUCKET_NODE_BYTES: u64 = 72;
 /// Chunks that are written to or read from at once, buckets excepted.
 const BUFFERS: u64 = 8;
+/// For each chunk the list it is in and the one of places that are free in the file.
+const CHUNK_LIST_BYTES: u64 = 36;
+/// For each page its size, its entry in the page index, and its share of the page index when that is encoded.
+const PAGE_LIST_BYTES: u64 = 192;
+/// For each vertex and face of the coarsest mesh while it is taken over.
+const LINK_BASE_VERTEX_BYTES: u64 = 80;
+const LINK_BASE_FACE_BYTES: u64 = 24;
+/// And later, with what encoding them takes.
+const BASE_VERTEX_BYTES: u64 = 128;
+const BASE_FACE_BYTES: u64 = 64;
+/// What grows slowly has this much room while linking, and a quarter of what is not needed otherwise.
+const LEAST_RESERVE: u64 = 512 << 10;
+/// What grows with nothing at all.
+const ALWAYS: u64 = 64 << 10;
 /// Chunks are not smaller.
 pub(crate) const LEAST_CHUNK_BYTES: usize = 4 << 10;
+/// And not larger.
+const MAX_CHUNK_BYTES: usize = 256 << 10;
 /// Encoders and the pages they work on take so much for each node of a page, 64 pages at a time.
 const PAGES_BYTES: u64 = 64 * 160;
 /// And so much for each thread.
@@ -43,6 +59,8 @@ pub(crate) struct LinkPlan {
     pub chunk_bytes: usize,
     /// Bytes of the log that stay in memory.
     pub held: u64,
+    memory_bytes: u64,
+    reserve: u64,
 }
 
 impl LinkPlan {
@@ -50,8 +68,44 @@ impl LinkPlan {
     pub fn least(names: NameBounds, chunk_bytes: usize) -> u64 {
         let NameBounds { vertices, faces } = names;
         // When the last collapse has come the names of the coarsest mesh are checked as well.
-        let tables = (TOP_BYTES + 4) * u64::from(vertices) + u64::from(faces) / 8 + 8;
-        tables + BUFFERS * chunk_bytes as u64
+        let tables = (TOP_BYTES + 4) * u64::from(vertices) + u64::from(faces) / 8;
+        ALWAYS + tables + BUFFERS * chunk_bytes as u64 + LEAST_RESERVE
+    }
+
+    pub fn new(options: &LinkOptions) -> Result<Self, Error> {
+        options.write.check()?;
+        let NameBounds { vertices, faces } = options.names;
+        if vertices > MAX_VERTEX + 1 || u64::from(faces) > (1 << 32) / 3 {
+            return Err(Error::Names { vertices, faces });
+        }
+        let (memory_bytes, chunk_bytes) = (options.memory_bytes, chunk_bytes(options.memory_bytes));
+        let needed = Self::least(options.names, chunk_bytes);
+        let Some(rest) = memory_bytes.checked_sub(needed) else {
+            return Err(Error::Memory { needed, allowed: memory_bytes });
+        };
+        let reserve = LEAST_RESERVE + rest / 4;
+        Ok(Self { chunk_bytes, held: rest - rest / 4, memory_bytes, reserve })
+    }
+
+    /// Nodes whose log has room in the lists, with half of the reserve.
+    pub fn max_nodes(&self) -> u64 {
+        let per_chunk = (self.chunk_bytes / size_of::<LogEntry>()) as u64;
+        self.reserve / 2 / CHUNK_LIST_BYTES * per_chunk
+    }
+
+    /// That a log of so many nodes has room in the lists, and a coarsest mesh in the other half of the reserve.
+    pub fn check(&self, nodes: u64, vertices: usize, faces: usize) -> Result<(), Error> {
+        let base = LINK_BASE_VERTEX_BYTES * vertices as u64 + LINK_BASE_FACE_BYTES * faces as u64;
+        let per_chunk = (self.chunk_bytes / size_of::<LogEntry>()) as u64;
+        let lists = nodes.div_ceil(per_chunk) * CHUNK_LIST_BYTES;
+        let over = base.max(lists).saturating_sub(self.reserve / 2);
+        if over == 0 {
+            return Ok(());
+        }
+        // Half of a quarter of what more there is; with more memory chunks may be larger.
+        let larger = BUFFERS * MAX_CHUNK_BYTES as u64;
+        let needed = self.memory_bytes.saturating_add(over.saturating_mul(8) + larger);
+        Err(Error::Memory { needed, allowed: self.memory_bytes })
     }
 
     /// Scratch space for so many nodes: that of the log less what stays in memory, or of the log and the buckets.
@@ -61,20 +115,6 @@ impl LinkPlan {
             true => log.saturating_add(nodes.saturating_mul(size_of::<Placed>() as u64)),
             false => log.saturating_sub(self.held),
         }
-    }
-
-    pub fn new(options: &LinkOptions) -> Result<Self, Error> {
-        options.write.check()?;
-        let NameBounds { vertices, faces } = options.names;
-        if vertices > MAX_VERTEX + 1 || u64::from(faces) > (1 << 32) / 3 {
-            return Err(Error::Names { vertices, faces });
-        }
-        let chunk_bytes = chunk_bytes(options.memory_bytes);
-        let needed = Self::least(options.names, chunk_bytes);
-        let Some(rest) = options.memory_bytes.checked_sub(needed) else {
-            return Err(Error::Memory { needed, allowed: options.memory_bytes });
-        };
-        Ok(Self { chunk_bytes, held: rest / 4 * 3 })
     }
 }
 
@@ -94,6 +134,8 @@ pub(crate) struct NumberLoad {
     pub nodes: u64,
     pub pages: u64,
     pub page_nodes: u64,
+    pub base_vertices: usize,
+    pub base_faces: usize,
     pub chunk_bytes: u64,
     /// Bytes that are held in memory now.
     pub held: u64,
@@ -103,12 +145,17 @@ pub(crate) struct NumberLoad {
 impl NumberPlan {
     /// Bytes of memory that are taken with buckets of so many nodes.
     fn needed(load: &NumberLoad, bucket_nodes: u64) -> u64 {
-        let NumberLoad { names, nodes, pages, page_nodes, chunk_bytes, held, threads } = *load;
-        let slow = 2 * 48 * (56 * nodes / chunk_bytes) + 80 * pages;
-        let fixed = held + slow + BUFFERS * chunk_bytes;
+        let NumberLoad { names, nodes, pages, page_nodes, chunk_bytes, held, threads, .. } = *load;
+        // Of the log at first and of the buckets in the end, and never of both.
+        let chunks = size_of::<LogEntry>() as u64 * nodes / chunk_bytes;
+        let buckets = nodes.div_ceil(bucket_nodes) + 1;
+        let lists = CHUNK_LIST_BYTES * (chunks + 64 * buckets) + PAGE_LIST_BYTES * pages;
+        let base = BASE_VERTEX_BYTES * load.base_vertices as u64
+            + BASE_FACE_BYTES * load.base_faces as u64;
+        let fixed = ALWAYS + held + lists + base + BUFFERS * chunk_bytes;
         let tables =
             EXPECTED_BYTES * u64::from(names.vertices) + FACE_BYTES * u64::from(names.faces);
-        let numbering = tables + chunk_bytes * (nodes.div_ceil(bucket_nodes) + 1);
+        let numbering = tables + chunk_bytes * buckets;
         let encoding = PAGES_BYTES * page_nodes + ENCODER_BYTES * threads;
         let writing = encoding + 2 * BUCKET_NODE_BYTES * bucket_nodes;
         fixed + numbering.max(writing)
@@ -141,7 +188,7 @@ impl NumberPlan {
 /// Chunks grow with the memory, so that there are neither too many of them in a large log, nor too few in memory.
 fn chunk_bytes(memory_bytes: u64) -> usize {
     let bytes = (memory_bytes / 4096).next_power_of_two();
-    bytes.clamp(LEAST_CHUNK_BYTES as u64, 256 << 10) as usize
+    bytes.clamp(LEAST_CHUNK_BYTES as u64, MAX_CHUNK_BYTES as u64) as usize
 }
 
 /// Blocks that can have numbers: the ids of the nodes of all of them have names for six half-edges each.

@@ -1,26 +1,10 @@
-//! Radius, cone and deviation in 16 bits each: the rules that a file's have to keep.
+//! What the bounds of a parent have to be for those of its child.
 
 use glam::Vec3;
 use mergetree::OctNormal;
-pub use mergetree::{BoundCodes, Bounded};
 
 /// Slack for the trigonometric functions, which differ between machines by a few units in the last place.
 const ANGLE_SLACK: f64 = 1e-6;
-
-/// Largest code of a finite number.
-pub(crate) const MAX_CODE: u64 = BoundCodes::MAX as u64;
-/// Code of the number 1.
-pub(crate) const ONE_CODE: u64 = BoundCodes::ONE as u64;
-
-#[inline]
-pub(crate) fn decode(code: u16) -> f32 {
-    BoundCodes::decode(code)
-}
-
-#[inline]
-pub(crate) fn exact_code(value: f32) -> Option<u16> {
-    BoundCodes::exact(value)
-}
 
 /// Radius that a sphere about `parent` needs to hold the sphere of this radius about `child`.
 pub(crate) fn enclosing_radius(parent: Vec3, child: Vec3, radius: f32) -> f64 {

@@ -1,8 +1,7 @@
 //! Which block and page every node of a forest goes to, and the ids that follow.
 
-use mergetree::{Cut, CutRule, Forest, Node, NodeId, OpenPiece};
+use mergetree::{BoundCodes, Cut, CutRule, Forest, Node, NodeId, OpenPiece};
 
-use crate::bounds::BoundCodes;
 use crate::numbering::{BlockId, Numbering};
 
 /// Where every node of a forest goes.

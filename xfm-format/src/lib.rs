@@ -52,7 +52,6 @@ mod temporary;
 mod verify;
 mod write;
 
-pub use bounds::{BoundCodes, Bounded};
 pub use codec::FieldBytes;
 pub use error::{Error, Place};
 pub use file_writer::{FileWriter, Totals, WriteOptions, WriteReport};

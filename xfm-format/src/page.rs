@@ -58,7 +58,7 @@ impl Page {
     ///
     /// Their ids, and with them all links, are final: `parent`, `left`, `right` and `adjacent` are in the file's numbering;
     /// [`slot`](Node::slot) means nothing. Radius, cone sine and deviation are numbers that
-    /// [codes](crate::BoundCodes) stand for.
+    /// [codes](mergetree::BoundCodes) stand for.
     pub fn push_block(&mut self, nodes: &[Node]) {
         self.blocks.push(self.nodes.len() as u32);
         self.nodes.extend_from_slice(nodes);

@@ -2,11 +2,10 @@
 
 use std::io;
 
-use mergetree::{Node, NodeId};
+use mergetree::{BoundCodes, Node, NodeId};
 
 use super::shape::{Kind, Preorder, Shape, Side};
 use super::{FieldBytes, PageContext, Reference};
-use crate::bounds;
 use crate::column::{
     ColumnDecoder, Cursor, float_from_difference, short_from_difference, unzigzag,
 };
@@ -87,11 +86,15 @@ impl PageDecoder {
             self.normal(&mut cursor, axis, page)?;
         }
         measure(&mut measured.normal, &cursor);
-        self.bound(&mut cursor, "radius", bounds::MAX_CODE, page, |node| &mut node.radius)?;
+        self.bound(&mut cursor, "radius", BoundCodes::MAX.into(), page, |node| &mut node.radius)?;
         measure(&mut measured.radius, &cursor);
-        self.bound(&mut cursor, "cone sine", bounds::ONE_CODE, page, |node| &mut node.cone_sine)?;
+        self.bound(&mut cursor, "cone sine", BoundCodes::ONE.into(), page, |node| {
+            &mut node.cone_sine
+        })?;
         measure(&mut measured.cone, &cursor);
-        self.bound(&mut cursor, "deviation", bounds::MAX_CODE, page, |node| &mut node.deviation)?;
+        self.bound(&mut cursor, "deviation", BoundCodes::MAX.into(), page, |node| {
+            &mut node.deviation
+        })?;
         measure(&mut measured.deviation, &cursor);
         self.order(&mut cursor, context, page)?;
         measure(&mut measured.order, &cursor);
@@ -300,7 +303,7 @@ impl PageDecoder {
         let mut largest = 0;
         for (&code, node) in self.values.iter().zip(&mut page.nodes) {
             largest = largest.max(code);
-            *get(node) = bounds::decode(code as u16);
+            *get(node) = BoundCodes::decode(code as u16);
         }
         if largest > max {
             return Err(cursor.defect(format!("{field} is out of range (code {largest})")));

@@ -2,11 +2,10 @@
 
 use std::io;
 
-use mergetree::{Node, NodeId};
+use mergetree::{BoundCodes, Node, NodeId};
 
 use super::shape::{Kind, Preorder, Shape, Side};
 use super::{FieldBytes, PageContext, Reference};
-use crate::bounds;
 use crate::column::{ColumnEncoder, float_difference, short_difference, zigzag};
 use crate::header::MAX_EXPANSION;
 use crate::numbering::BlockId;
@@ -240,7 +239,7 @@ impl PageEncoder {
     }
 
     fn bound(&mut self, page: &Page, out: &mut Vec<u8>, get: impl Fn(&Node) -> f32) {
-        let code = |node: &Node| bounds::exact_code(get(node)).map_or(bounds::MAX_CODE, u64::from);
+        let code = |node: &Node| u64::from(BoundCodes::exact(get(node)).unwrap_or(BoundCodes::MAX));
         self.column(out, page.nodes.iter().map(code));
     }
 
@@ -330,7 +329,7 @@ fn check_numbers(
             return Err(defect("a position that is not finite"));
         }
         let bounds = [node.radius, node.cone_sine, node.deviation];
-        if bounds.iter().any(|&bound| bounds::exact_code(bound).is_none()) || node.cone_sine > 1.0 {
+        if bounds.iter().any(|&bound| BoundCodes::exact(bound).is_none()) || node.cone_sine > 1.0 {
             return Err(defect("a radius, cone or deviation that no code stands for"));
         }
         if u64::from(node.order) >= order_above(page, context, *reference) {
