@@ -220,18 +220,10 @@ impl ColumnDecoder {
             self.plane(cursor, field, byte * count..(byte + 1) * count)?;
         }
         values.clear();
-        let planes = &self.planes[..];
-        match width {
-            0 => values.resize(count, 0),
-            1 => values.extend(planes.iter().map(|&byte| u64::from(byte))),
-            2 => values.extend(join::<2>(planes, count)),
-            3 => values.extend(join::<3>(planes, count)),
-            4 => values.extend(join::<4>(planes, count)),
-            5 => values.extend(join::<5>(planes, count)),
-            6 => values.extend(join::<6>(planes, count)),
-            7 => values.extend(join::<7>(planes, count)),
-            _ => values.extend(join::<8>(planes, count)),
+        if count > 0 {
+            join(&self.planes, count, values);
         }
+        values.resize(count, 0);
         Ok(())
     }
 
@@ -287,14 +279,27 @@ impl ColumnDecoder {
     }
 }
 
-/// The values that planes hold, one from each together, the lowest byte first.
-#[inline]
-fn join<const WIDTH: usize>(planes: &[u8], count: usize) -> impl Iterator<Item = u64> {
-    let planes: [&[u8]; WIDTH] =
-        std::array::from_fn(|byte| &planes[byte * count..(byte + 1) * count]);
-    (0..count).map(move |index| {
-        planes.iter().rev().fold(0, |value, plane| value << 8 | u64::from(plane[index]))
-    })
+/// Appends what planes of `count` bytes hold, one byte from each together, the lowest first. Nothing where there is no plane.
+fn join(planes: &[u8], count: usize, values: &mut Vec<u64>) {
+    let mut planes = planes.chunks_exact(count);
+    // Two planes at a time: nearly all columns have one to four.
+    let mut shift = 0;
+    while let Some(low) = planes.next() {
+        let pair = |(&low, &high): (&u8, &u8)| u64::from(u16::from(low) | u16::from(high) << 8);
+        match (planes.next(), shift) {
+            (Some(high), 0) => values.extend(low.iter().zip(high).map(pair)),
+            (None, 0) => values.extend(low.iter().map(|&low| u64::from(low))),
+            (Some(high), _) => {
+                let pairs = low.iter().zip(high).map(pair);
+                values.iter_mut().zip(pairs).for_each(|(value, pair)| *value |= pair << shift);
+            }
+            (None, _) => {
+                let low = low.iter().map(|&low| u64::from(low));
+                values.iter_mut().zip(low).for_each(|(value, low)| *value |= low << shift);
+            }
+        }
+        shift += 16;
+    }
 }
 
 #[cfg(test)]

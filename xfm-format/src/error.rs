@@ -62,7 +62,7 @@ pub enum Error {
         file: PathBuf,
     },
     /// The file has a version that this reader does not know.
-    #[error("{}: format version {found} is not supported, only {supported}; use a newer program", file.display())]
+    #[error("{}: format version {found} is not supported, only {supported}; {}", file.display(), if found < supported { "build the file again" } else { "use a newer program" })]
     UnsupportedVersion {
         /// The file.
         file: PathBuf,

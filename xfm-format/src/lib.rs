@@ -5,7 +5,7 @@
 //! pieces too, such that a path from a root down passes few pages. A node's id in the file says in which block it lies, and
 //! where there; see [`Numbering`]. Everything in a file is covered by a checksum, and nothing in it is trusted.
 //!
-//! [`write`] takes a forest in memory, [`FileWriter`] one of any size, page by page.
+//! [`write()`] takes a forest in memory, [`FileWriter`] one of any size, page by page.
 //!
 //! ```
 //! use halfedge::{HalfEdgeMesh, VertexId};

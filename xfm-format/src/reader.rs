@@ -46,7 +46,7 @@ impl XfmFile {
     /// Opens a file and reads all of it but its pages.
     ///
     /// # Complexity
-    /// Time and memory linear in the coarsest mesh and the number of pages. Memory is at most 512 times the length of
+    /// Time and memory linear in the coarsest mesh and the number of pages. Memory is at most 1024 times the length of
     /// the file, whatever is in it.
     ///
     /// # Errors
