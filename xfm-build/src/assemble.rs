@@ -177,8 +177,8 @@ impl<'a> Assembler<'a> {
         self.into.starts[block] = cursor.next_node;
         cursor.next_block += 1;
         cursor.next_node = end;
-        if cursor.next_block == cursor.end_block && end != cursor.end_node {
-            return Err("a page with fewer nodes than were counted");
+        if (cursor.next_block == cursor.end_block) != (end == cursor.end_node) {
+            return Err("a page with other blocks than were counted");
         }
         Ok(())
     }

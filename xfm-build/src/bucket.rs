@@ -117,8 +117,10 @@ pub(crate) struct Bucket {
 pub(crate) struct Buckets {
     pub all: Vec<Bucket>,
     numbering: Numbering,
-    /// Nodes of a bucket, unless a single page has more.
+    /// Nodes of a bucket.
     max_nodes: u32,
+    /// Nodes of a page.
+    page_nodes: u32,
     num_blocks: u32,
     num_pages: u64,
 }
@@ -131,8 +133,9 @@ pub(crate) struct NewPage {
 }
 
 impl Buckets {
-    pub fn new(numbering: Numbering, max_nodes: u32) -> Self {
-        Self { all: Vec::new(), numbering, max_nodes, num_blocks: 0, num_pages: 0 }
+    /// None, in pages of at most so many nodes; a bucket has `max_nodes`, and at least one page.
+    pub fn new(numbering: Numbering, page_nodes: u32, max_nodes: u32) -> Self {
+        Self { all: Vec::new(), numbering, max_nodes, page_nodes, num_blocks: 0, num_pages: 0 }
     }
 
     /// Number of blocks and of pages so far.
@@ -144,8 +147,11 @@ impl Buckets {
         self.numbering
     }
 
-    /// Begins the next page; `None` when its blocks cannot be numbered.
+    /// Begins the next page; `None` when there can be no page of this size, which only damage can bring about.
     pub fn begin_page(&mut self, store: &Store, size: PageSize) -> Option<NewPage> {
+        if size.nodes > self.page_nodes || size.blocks > size.nodes || size.blocks == 0 {
+            return None;
+        }
         let first_block = self.num_blocks;
         self.num_blocks = first_block.checked_add(size.blocks)?;
         self.num_pages += 1;

@@ -31,6 +31,14 @@ mod plan;
 mod progress;
 mod write;
 
+#[cfg(test)]
+extern crate self as xfm_build;
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;
+#[cfg(test)]
+mod damage;
+
 pub use build::{BuildOptions, BuildReport, Feed, build_from, resume};
 pub use error::{CoarseProblem, Error, RecordProblem, StateProblem};
 pub use kept::Keep;

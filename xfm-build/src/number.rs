@@ -212,7 +212,7 @@ impl Numberer<'_> {
             if page.next_block == NONE {
                 let size = PageSize { nodes: page.nodes, blocks: page.blocks };
                 let new = self.buckets.begin_page(stores.buckets(), size);
-                let new = new.ok_or_else(|| damaged(order, "more blocks than were counted"))?;
+                let new = new.ok_or_else(|| damaged(order, "a page of a size that cannot be"))?;
                 page.next_block = new.first_block;
                 page.bucket = new.bucket;
             }
@@ -416,7 +416,7 @@ impl Linked {
             faces: vec![NONE; bounds.faces as usize],
             open: Vec::new(),
             closed: Vec::new(),
-            buckets: Buckets::new(numbering, plan.bucket_nodes),
+            buckets: Buckets::new(numbering, write.page_nodes as u32, plan.bucket_nodes),
             sizes: SizesBack::new(sizes),
             coarse: &mut coarse,
             depth: 0,
