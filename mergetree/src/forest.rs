@@ -3,7 +3,9 @@
 use glam::{DVec3, Vec3};
 use halfedge::{FaceId, HalfEdgeId, HalfEdgeMesh, VertexId};
 
-use crate::{CollapseRecord, HalfEdgeNames, Node, NodeId, NodeStore, OctNormal, SlotId};
+use crate::{
+    BoundCodes, CollapseRecord, HalfEdgeNames, Node, NodeId, NodeStore, OctNormal, SlotId,
+};
 
 /// A vertex of the coarsest mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,7 +138,7 @@ impl Forest {
                 position: positions[v],
                 radius: record.star.radius,
                 normal: normals[v],
-                cone_sine: 0.0,
+                cone_sine: record.star.cone_sine(),
                 deviation: record.star.deviation,
                 order: id.get(),
                 adjacent,
@@ -145,21 +147,18 @@ impl Forest {
                 parent: None,
                 slot: None,
             };
-            let mut cone_angle = record.star.cone_angle;
-            for child in node.children() {
-                let child = &mut nodes[child.index()];
+            let mut below = [None; 2];
+            for (below, child) in below.iter_mut().zip([left, right]) {
+                let Some(child) = child.map(|child| &mut nodes[child.index()]) else { continue };
                 child.parent = Some(id);
-                node.radius =
-                    node.radius.max(node.position.distance(child.position) + child.radius);
-                node.deviation = node.deviation.max(child.deviation);
-                cone_angle = cone_angle.max(
-                    node.normal.to_vec3().angle_between(child.normal.to_vec3())
-                        + sine_to_angle(child.cone_sine),
-                );
+                *below = Some(BoundCodes::of_node(child).map(|codes| codes.of(child)));
             }
-            // One step up, so that rounding never leaves a child outside.
-            node.radius = node.radius.next_up();
-            node.cone_sine = angle_to_sine(cone_angle);
+            let finite = below.iter().all(|child| *child != Some(None));
+            let below = below.into_iter().flatten().flatten();
+            match BoundCodes::enclosing(&node, below).filter(|_| finite) {
+                Some(codes) => codes.store(&mut node),
+                None => (node.radius, node.cone_sine, node.deviation) = (f32::MAX, 1.0, f32::MAX),
+            }
             nodes.push(node);
             top[record.kept.index()] = Some(id);
         }
@@ -181,16 +180,6 @@ impl Forest {
     pub fn num_input_faces(&self) -> usize {
         self.base.faces.len() + self.nodes.iter().map(Node::num_faces).sum::<usize>()
     }
-}
-
-/// Sine of a cone's half-angle; 1 for a right angle and more.
-fn angle_to_sine(angle: f32) -> f32 {
-    if angle >= std::f32::consts::FRAC_PI_2 { 1.0 } else { (angle.sin() + f32::EPSILON).min(1.0) }
-}
-
-/// The angle back; half a turn for a cone of a right angle or more, of which no more is known.
-fn sine_to_angle(sine: f32) -> f32 {
-    if sine >= 1.0 { std::f32::consts::PI } else { sine.asin() }
 }
 
 /// Gives every half-edge of a record's two faces, or of the coarsest mesh, its name in the forest.

@@ -40,8 +40,10 @@
 //! front.validate(&forest).unwrap();
 //! ```
 
+mod bounds;
 mod build;
 mod camera;
+mod cut;
 mod forest;
 mod front;
 mod node;
@@ -49,8 +51,10 @@ mod record;
 mod store;
 mod view;
 
+pub use bounds::{BoundCodes, Bounded};
 pub use build::{BuildOptions, Records, build, collapse_in_independent_sets, vertex_normals};
 pub use camera::{Camera, CameraPath, CameraPathError};
+pub use cut::{Cut, CutRule, OpenPiece};
 pub use forest::{BaseMesh, BaseVertex, Forest, ForestError};
 pub use front::{
     Changes, CollapseBlocked, Dependencies, Front, FrontInvalid, FrontVertex, SplitBlocked,

@@ -37,6 +37,19 @@ pub struct StarBounds {
     pub deviation: f32,
 }
 
+impl StarBounds {
+    /// Sine of the cone's half-angle; 1 for a right angle and more.
+    pub fn cone_sine(&self) -> f32 {
+        let angle = self.cone_angle;
+        if angle >= std::f32::consts::FRAC_PI_2 {
+            1.0
+        } else {
+            // A little more, so that rounding never leaves a triangle outside.
+            (angle.sin() + f32::EPSILON).min(1.0)
+        }
+    }
+}
+
 impl CollapseRecord {
     /// The record of a collapse.
     pub fn new(collapse: &Collapse, star: StarBounds) -> Self {

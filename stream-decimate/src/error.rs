@@ -56,3 +56,9 @@ pub enum Error {
     #[error("interrupted")]
     Interrupted,
 }
+
+impl From<scratch::Error> for Error {
+    fn from(error: scratch::Error) -> Self {
+        Self::Scratch { folder: error.folder.display().to_string(), source: error.source }
+    }
+}

@@ -5,9 +5,9 @@
 
 use bytemuck::Pod;
 use rayon::slice::ParallelSliceMut;
+use scratch::{Scratch, ScratchFile};
 
 use crate::Error;
-use crate::scratch::{Scratch, ScratchFile};
 
 /// Bytes read at a time from each run, at least; less would be slow on a disk.
 const MIN_PIECE_BYTES: usize = 64 << 10;

@@ -15,9 +15,9 @@ use std::ops::Range;
 
 use glam::Vec3;
 use mesh_io::{Triangle, TriangleSource};
+use scratch::{Scratch, ScratchFile};
 
 use crate::external::{ExternalSort, Key};
-use crate::scratch::{Scratch, ScratchFile};
 use crate::{Error, Observer, Progress, Stage};
 
 /// Triangles of a block, in memory and in the scratch file.
@@ -214,7 +214,7 @@ impl Table {
     /// Reads a block; one beyond the end is empty.
     fn load(&mut self, block: u64, into: &mut Block) -> Result<(), Error> {
         self.load_numbers(block, into)?;
-        self.tags.read(block * BLOCK as u64, &mut into.tags)
+        Ok(self.tags.read(block * BLOCK as u64, &mut into.tags)?)
     }
 
     /// Reads a block without its tags.
@@ -224,7 +224,7 @@ impl Table {
         into.numbers.resize(length, [0; 3]);
         into.tags.clear();
         into.tags.resize(length, 0);
-        self.numbers.read(first, &mut into.numbers)
+        Ok(self.numbers.read(first, &mut into.numbers)?)
     }
 
     /// Tags the corners of these vertices. The rounds begin with vertex 0.

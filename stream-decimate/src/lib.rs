@@ -68,7 +68,6 @@ mod reorder;
 mod report;
 mod round;
 mod run;
-mod scratch;
 mod sealed;
 mod star;
 mod sweep;

@@ -8,10 +8,10 @@
 
 use glam::Vec3;
 use mesh_io::{Triangle, TriangleSource};
+use scratch::Scratch;
 
 use crate::external::{ExternalSort, Key, Sorted};
 use crate::finality::{Feed, Finality};
-use crate::scratch::Scratch;
 use crate::{Error, Observer, Progress, Stage};
 
 /// Bytes of memory to sort in, if nothing else is asked for.

@@ -7,11 +7,11 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use mesh_io::{Frame, Triangle, TriangleSink, TriangleSource};
+use scratch::Scratch;
 
 use crate::decimator::{StreamDecimator, WhenCrowded};
 use crate::finality::{self, Direct, Feed, Finality};
 use crate::presort::{self, Open};
-use crate::scratch::Scratch;
 use crate::{DecimateOptions, DecimateReport, Error, Observer};
 
 /// Triangles that go from thread to thread at a time.

@@ -3,13 +3,15 @@
 use std::process::Command;
 
 /// Who may use whom: a crate uses only those named before it; `may` narrows that down further.
-const ORDER: [&str; 11] = [
+const ORDER: [&str; 13] = [
     "halfedge",
     "qem",
     "mesh-io",
+    "scratch",
     "stream-decimate",
     "mergetree",
     "xfm-format",
+    "xfm-build",
     "xfm-pager",
     "vk-render",
     "xfm",
@@ -20,10 +22,11 @@ const ORDER: [&str; 11] = [
 /// What a crate of the workspace may use at run time at most.
 fn may(name: &str) -> Option<&'static [&'static str]> {
     Some(match name {
-        "halfedge" | "qem" | "mesh-io" => &[],
-        "stream-decimate" => &["halfedge", "qem", "mesh-io"],
+        "halfedge" | "qem" | "mesh-io" | "scratch" => &[],
+        "stream-decimate" => &["halfedge", "qem", "mesh-io", "scratch"],
         "mergetree" => &["halfedge", "qem"],
         "xfm-format" => &["halfedge", "mergetree"],
+        "xfm-build" => &["halfedge", "scratch", "mergetree", "xfm-format"],
         "xfm-pager" => &["halfedge", "mergetree", "xfm-format"],
         _ => return None,
     })

@@ -1,16 +1,17 @@
 //! A page's bytes: what its columns are, and both directions.
 //!
 //! Blocks and their nodes are stored column by column. A node is predicted by its parent where that lies in the same page,
-//! and otherwise by the last block's root of the page that had no parent there either.
+//! and otherwise by the last node of the page that had no parent there either.
 
 mod decode;
 mod encode;
+mod shape;
 
 use halfedge::HalfEdgeId;
 use mergetree::HalfEdgeNames;
 
 pub(crate) use decode::PageDecoder;
-pub(crate) use encode::PageEncoder;
+pub(crate) use encode::{PageDefect, PageEncoder};
 
 use crate::header::Header;
 use crate::numbering::Numbering;
@@ -83,7 +84,7 @@ pub struct FieldBytes {
     pub roots: u64,
     /// Page index.
     pub index: u64,
-    /// Presence masks and leaf bits.
+    /// What hangs under every node: nothing, a node of its block, another block.
     pub shape: u64,
     /// Links between blocks.
     pub links: u64,

@@ -11,6 +11,10 @@ const CONSTANT: u8 = 0;
 const PLAIN: u8 = 1;
 const ZSTD: u8 = 2;
 
+/// First bytes of every Zstandard frame, left out in the file: with several frames for each page they would be one byte in
+/// a hundred of it.
+const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
 /// Small and alternating differences become small numbers.
 #[inline]
 pub(crate) fn zigzag(difference: i64) -> u64 {
@@ -97,15 +101,18 @@ impl ColumnEncoder {
                 out.extend([CONSTANT, first]);
                 return;
             }
-            self.packed.clear();
-            self.packed.reserve(plane.len());
-            // Where it does not fit into less space than the plane takes it is of no use.
-            if let Ok(packed) = self.zstd.compress_to_buffer(plane, &mut self.packed)
-                && packed + varint_len(packed as u64) < plane.len()
+            // The room given decides how zstd goes about it. Always as much, whatever was packed before, or the bytes of a
+            // page would depend on those that the encoder had before it.
+            let room = zstd::zstd_safe::compress_bound(plane.len());
+            self.packed.resize(room.max(self.packed.len()), 0);
+            let packed = &mut self.packed[..room];
+            if let Ok(length) = self.zstd.compress_to_buffer(plane, packed)
+                && let Some(packed) = packed[..length].strip_prefix(&ZSTD_MAGIC)
+                && packed.len() + varint_len(packed.len() as u64) < plane.len()
             {
                 out.push(ZSTD);
-                push_varint(out, packed as u64);
-                out.extend_from_slice(&self.packed[..packed]);
+                push_varint(out, packed.len() as u64);
+                out.extend_from_slice(packed);
                 return;
             }
         }
@@ -129,7 +136,9 @@ fn varint_len(value: u64) -> usize {
 /// Unpacks columns; holds what can be used again from one page to the next.
 pub(crate) struct ColumnDecoder {
     zstd: Decompressor<'static>,
-    plane: Vec<u8>,
+    /// The planes of a column, one after another.
+    planes: Vec<u8>,
+    frame: Vec<u8>,
 }
 
 /// The bytes still to be read of a part of a file.
@@ -188,7 +197,7 @@ impl<'a> Cursor<'a> {
 
 impl ColumnDecoder {
     pub fn new() -> std::io::Result<Self> {
-        Ok(Self { zstd: Decompressor::new()?, plane: Vec::new() })
+        Ok(Self { zstd: Decompressor::new()?, planes: Vec::new(), frame: Vec::new() })
     }
 
     /// Reads a column of `count` values of at most `max_width` bytes into `values`, from their start on.
@@ -202,51 +211,53 @@ impl ColumnDecoder {
         max_width: u32,
         values: &mut Vec<u64>,
     ) -> Result<(), Defect> {
-        values.clear();
-        values.resize(count, 0);
-        let width = cursor.byte(field)?;
-        if u32::from(width) > max_width {
+        let width = usize::from(cursor.byte(field)?);
+        if width > max_width as usize {
             return Err(cursor.defect(format!("{field} has values of {width} bytes")));
         }
-        for byte in 0..u32::from(width) {
-            let shift = 8 * byte;
-            match self.plane(cursor, field, count)? {
-                Plane::Constant(0) => {}
-                Plane::Constant(byte) => {
-                    values.iter_mut().for_each(|value| *value |= u64::from(byte) << shift);
-                }
-                Plane::Bytes(bytes) => {
-                    for (value, &byte) in values.iter_mut().zip(bytes) {
-                        *value |= u64::from(byte) << shift;
-                    }
-                }
-            }
+        self.planes.resize(width * count, 0);
+        for byte in 0..width {
+            self.plane(cursor, field, byte * count..(byte + 1) * count)?;
         }
+        values.clear();
+        if count > 0 {
+            join(&self.planes, count, values);
+        }
+        values.resize(count, 0);
         Ok(())
     }
 
-    fn plane<'a, 'c: 'a>(
-        &'a mut self,
-        cursor: &mut Cursor<'c>,
+    /// Unpacks a plane into a part of the planes.
+    fn plane(
+        &mut self,
+        cursor: &mut Cursor<'_>,
         field: &str,
-        count: usize,
-    ) -> Result<Plane<'a>, Defect> {
+        into: std::ops::Range<usize>,
+    ) -> Result<(), Defect> {
+        let plane = &mut self.planes[into];
         match cursor.byte(field)? {
-            CONSTANT => Ok(Plane::Constant(cursor.byte(field)?)),
-            PLAIN => Ok(Plane::Bytes(cursor.take(count, field)?)),
+            CONSTANT => plane.fill(cursor.byte(field)?),
+            PLAIN => plane.copy_from_slice(cursor.take(plane.len(), field)?),
             ZSTD => {
-                let length = cursor.varint(field)?;
-                let length = usize::try_from(length).unwrap_or(usize::MAX);
+                let length = usize::try_from(cursor.varint(field)?).unwrap_or(usize::MAX);
                 let packed = cursor.take(length, field)?;
-                self.plane.resize(count, 0);
-                match self.zstd.decompress_to_buffer(packed, self.plane.as_mut_slice()) {
-                    Ok(unpacked) if unpacked == count => Ok(Plane::Bytes(&self.plane)),
-                    Ok(_) => Err(cursor.defect(format!("{field} is too short"))),
-                    Err(why) => Err(cursor.defect(format!("{field} does not unpack: {why}"))),
+                self.frame.clear();
+                self.frame.extend_from_slice(&ZSTD_MAGIC);
+                self.frame.extend_from_slice(packed);
+                match self.zstd.decompress_to_buffer(&self.frame, plane) {
+                    Ok(unpacked) if unpacked == plane.len() => {}
+                    Ok(_) => return Err(cursor.defect(format!("{field} is too short"))),
+                    Err(why) => {
+                        return Err(cursor.defect(format!("{field} does not unpack: {why}")));
+                    }
                 }
             }
-            method => Err(cursor.defect(format!("{field} is packed by unknown method {method}"))),
+            method => {
+                let message = format!("{field} is packed by unknown method {method}");
+                return Err(cursor.defect(message));
+            }
         }
+        Ok(())
     }
 
     /// Reads over a column without unpacking it.
@@ -268,9 +279,27 @@ impl ColumnDecoder {
     }
 }
 
-enum Plane<'a> {
-    Constant(u8),
-    Bytes(&'a [u8]),
+/// Appends what planes of `count` bytes hold, one byte from each together, the lowest first. Nothing where there is no plane.
+fn join(planes: &[u8], count: usize, values: &mut Vec<u64>) {
+    let mut planes = planes.chunks_exact(count);
+    // Two planes at a time: nearly all columns have one to four.
+    let mut shift = 0;
+    while let Some(low) = planes.next() {
+        let pair = |(&low, &high): (&u8, &u8)| u64::from(u16::from(low) | u16::from(high) << 8);
+        match (planes.next(), shift) {
+            (Some(high), 0) => values.extend(low.iter().zip(high).map(pair)),
+            (None, 0) => values.extend(low.iter().map(|&low| u64::from(low))),
+            (Some(high), _) => {
+                let pairs = low.iter().zip(high).map(pair);
+                values.iter_mut().zip(pairs).for_each(|(value, pair)| *value |= pair << shift);
+            }
+            (None, _) => {
+                let low = low.iter().map(|&low| u64::from(low));
+                values.iter_mut().zip(low).for_each(|(value, low)| *value |= low << shift);
+            }
+        }
+        shift += 16;
+    }
 }
 
 #[cfg(test)]
@@ -316,6 +345,27 @@ mod tests {
             let (s, t) = (a as i16, b as i16);
             prop_assert_eq!(short_from_difference(short_difference(s, t), t), s);
             prop_assert_eq!(unzigzag(zigzag(d)), d);
+        }
+    }
+
+    #[test]
+    fn what_was_packed_before_makes_no_difference() {
+        let mut state = 1u64;
+        // Of all lengths, and on the verge of being packed or not: random bytes of few different values.
+        let mut column = |length: usize, values: u64| -> Vec<u64> {
+            let mut next = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (state >> 33) % values
+            };
+            (0..length).map(|_| next()).collect()
+        };
+        let mut used = ColumnEncoder::new().unwrap();
+        for round in 0..2000 {
+            let column = column(1 + round * 7 % 900, [16, 100, 200, 256][round % 4]);
+            let [mut fresh, mut again] = [Vec::new(), Vec::new()];
+            ColumnEncoder::new().unwrap().column(&mut fresh, &column);
+            used.column(&mut again, &column);
+            assert!(fresh == again, "round {round}");
         }
     }
 

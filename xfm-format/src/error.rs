@@ -62,7 +62,7 @@ pub enum Error {
         file: PathBuf,
     },
     /// The file has a version that this reader does not know.
-    #[error("{}: format version {found} is not supported, only {supported}; use a newer program", file.display())]
+    #[error("{}: format version {found} is not supported, only {supported}; {}", file.display(), if found < supported { "build the file again" } else { "use a newer program" })]
     UnsupportedVersion {
         /// The file.
         file: PathBuf,
@@ -146,7 +146,7 @@ pub enum Error {
     InvalidForest {
         /// The file that was to be written.
         file: PathBuf,
-        /// Index of the node.
+        /// The node: its index in the forest, or its id in the file's numbering where it came with one.
         node: usize,
         /// What is wrong with it.
         message: &'static str,
@@ -158,6 +158,18 @@ pub enum Error {
         file: PathBuf,
         /// What is wrong with it.
         message: String,
+    },
+    /// What was written is not what was announced.
+    #[error("{}: {written} {what} written, of {stated} that were announced", file.display())]
+    WrongTotals {
+        /// The file that was to be written.
+        file: PathBuf,
+        /// What is counted.
+        what: &'static str,
+        /// How many were announced.
+        stated: u64,
+        /// How many came.
+        written: u64,
     },
     /// An option has a value outside its range.
     #[error("{name} is {value}, must be {min} to {max}")]

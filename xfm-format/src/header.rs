@@ -1,14 +1,14 @@
 //! The header: what the file holds and where.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::error::{Defect, Place};
 use crate::numbering::Numbering;
 
 /// First bytes of every file: a name, a byte above 127 and line ends, so that a transfer as text shows.
 pub(crate) const MAGIC: [u8; 8] = *b"XFM\x8f\r\n\x1a\n";
-/// The only version so far.
-pub const VERSION: u32 = 1;
+/// The version that is written and read.
+pub const VERSION: u32 = 2;
 /// Feature flags that a reader must know; the others it may ignore.
 pub(crate) const MUST_KNOW: u64 = 0xffff_ffff;
 /// Length of the header without attribute table and checksum.
@@ -46,6 +46,42 @@ impl Encoding {
     pub fn name(self) -> &'static str {
         match self {
             Self::Exact => "exact",
+        }
+    }
+}
+
+/// Precision of the coordinates of the input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Precision {
+    /// 32-bit floating point.
+    #[default]
+    Single,
+    /// 64-bit floating point, or decimal numbers that need it.
+    Double,
+}
+
+impl Precision {
+    fn code(self) -> u8 {
+        match self {
+            Self::Single => 0,
+            Self::Double => 1,
+        }
+    }
+
+    fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Single),
+            1 => Some(Self::Double),
+            _ => None,
+        }
+    }
+
+    /// The name users know it by.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Single => "single",
+            Self::Double => "double",
         }
     }
 }
@@ -97,7 +133,7 @@ pub struct Attribute {
     pub components: u8,
 }
 
-/// The attributes of version 1, which every file begins with.
+/// The attributes that every file begins with.
 pub(crate) fn standard_attributes() -> Vec<Attribute> {
     [
         ("position", "model", AttributeType::F32, 3),
@@ -135,11 +171,11 @@ impl Section {
 pub struct Header {
     /// Version of the format.
     pub version: u32,
-    /// Feature flags; none are defined in version 1.
+    /// Feature flags; none are defined in version 2.
     pub features: u64,
     /// How the numbers of nodes are stored.
     pub encoding: Encoding,
-    /// Levels per block, 1 to 5.
+    /// A block holds up to 2^levels − 1 nodes; 1 to 5.
     pub levels: u32,
     /// Triangles of the input mesh: those of the coarsest mesh and all that the nodes bring.
     pub input_triangles: u64,
@@ -157,8 +193,12 @@ pub struct Header {
     pub roots: u64,
     /// Levels of the deepest tree.
     pub tree_depth: u64,
-    /// Least and largest coordinates of all vertices of the input mesh; zeros for an empty one.
+    /// Least and largest coordinates of all vertices of the input mesh, relative to the origin; zeros for an empty one.
     pub bounds: [Vec3; 2],
+    /// Where the origin of all positions lies in the frame of the input, in model units.
+    pub origin: DVec3,
+    /// Precision of the coordinates of the input.
+    pub precision: Precision,
     /// What every node has, in the order in which it is stored.
     pub attributes: Vec<Attribute>,
     pub(crate) base: Section,
@@ -195,7 +235,7 @@ impl Header {
         Numbering::new(self.levels)
     }
 
-    /// Part of the slots of all blocks that hold a node; 0 without blocks.
+    /// Part of the places for nodes in all blocks that is taken; 0 without blocks.
     pub fn fill(&self) -> f64 {
         let slots = self.blocks as f64 * f64::from(self.numbering().slots());
         if slots > 0.0 { self.nodes as f64 / slots } else { 0.0 }
@@ -210,6 +250,13 @@ impl Header {
     pub(crate) fn num_half_edges(&self) -> u64 {
         let node_ids = self.blocks.saturating_mul(1 << self.levels);
         node_ids.saturating_mul(6).saturating_add(self.base_faces.saturating_mul(3))
+    }
+
+    /// That the names of half-edges have 32 bits, or else how many there are and how many there may be.
+    pub(crate) fn check_names(&self) -> Result<(), (u64, u64)> {
+        // The front adds to names; see `HalfEdgeNames::max_node`.
+        let (half_edges, max) = (self.num_half_edges(), u64::from(u32::MAX) - 7);
+        if half_edges > max { Err((half_edges, max)) } else { Ok(()) }
     }
 
     /// Length of the header in the file.
@@ -239,6 +286,10 @@ impl Header {
             out.extend([0; 4]);
         }
         out.extend(self.file_len.to_le_bytes());
+        for coordinate in self.origin.to_array() {
+            out.extend(coordinate.to_le_bytes());
+        }
+        out.push(self.precision.code());
         out.resize(FIXED_LEN, 0);
         for attribute in &self.attributes {
             let at = out.len();
@@ -319,6 +370,13 @@ impl Header {
         }
         let [base, root_list, page_data, index] = sections;
         let stated_len = fields.u64()?;
+        let mut origin = DVec3::ZERO;
+        for coordinate in origin.as_mut() {
+            *coordinate = f64::from_le_bytes(fields.array()?);
+        }
+        let [precision] = fields.array()?;
+        let precision = Precision::from_code(precision)
+            .ok_or_else(|| defect(format!("a precision of number {precision}")))?;
         fields.zeros(FIXED_LEN - fields.at)?;
         if len != FIXED_LEN + ATTRIBUTE_LEN * num_attributes + 4 {
             return Err(defect(format!("{num_attributes} attributes in {len} bytes")).into());
@@ -339,6 +397,8 @@ impl Header {
             roots,
             tree_depth,
             bounds,
+            origin,
+            precision,
             attributes,
             base,
             root_list,
@@ -356,7 +416,7 @@ impl Header {
             return Err(defect(format!("{} levels per block, not 1 to 5", self.levels)).into());
         }
         if !self.attributes.starts_with(&standard_attributes()) {
-            return Err(defect("the attributes do not begin with those of version 1").into());
+            return Err(defect("the attributes do not begin with those of version 2").into());
         }
         let mut at = len;
         for (section, name) in [
@@ -432,6 +492,9 @@ impl Header {
         let [min, max] = self.bounds;
         if !(min.is_finite() && max.is_finite() && min.cmple(max).all()) {
             return Err(defect("a bounding box that is none").into());
+        }
+        if !self.origin.is_finite() {
+            return Err(defect("an origin that is not finite").into());
         }
         Ok(())
     }

@@ -1,9 +1,11 @@
 //! The `.xfm` file: a pageable merge-tree forest, its writer, reader and verifier.
 //!
 //! `FORMAT.md` beside this crate's manifest is the format's only specification. In short: trees are cut into *blocks*,
-//! complete binary subtrees of a few levels, and blocks are gathered into compressed *pages* of about a thousand nodes,
-//! such that a path from a root down passes few pages. A node's id in the file says in which block it lies, and where
-//! there; see [`Numbering`]. Everything in a file is covered by a checksum, and nothing in it is trusted.
+//! connected pieces of a few nodes, and blocks are gathered into compressed *pages* of up to a thousand nodes, connected
+//! pieces too, such that a path from a root down passes few pages. A node's id in the file says in which block it lies, and
+//! where there; see [`Numbering`]. Everything in a file is covered by a checksum, and nothing in it is trusted.
+//!
+//! [`write()`] takes a forest in memory, [`FileWriter`] one of any size, page by page.
 //!
 //! ```
 //! use halfedge::{HalfEdgeMesh, VertexId};
@@ -38,6 +40,7 @@ mod bounds;
 mod codec;
 mod column;
 mod error;
+mod file_writer;
 mod header;
 mod layout;
 mod numbering;
@@ -45,15 +48,17 @@ mod page;
 mod reader;
 mod sections;
 mod storage;
+mod temporary;
 mod verify;
-mod writer;
+mod write;
 
 pub use codec::FieldBytes;
 pub use error::{Error, Place};
-pub use header::{Attribute, AttributeType, Encoding, Header, VERSION};
+pub use file_writer::{FileWriter, Totals, WriteOptions, WriteReport};
+pub use header::{Attribute, AttributeType, Encoding, Header, Precision, VERSION};
 pub use numbering::{BlockId, Numbering};
 pub use page::{Block, Page};
 pub use reader::{PageReader, XfmFile};
 pub use storage::Storage;
 pub use verify::{Problem, Progress, Report, verify};
-pub use writer::{WriteOptions, WriteReport, write};
+pub use write::write;

@@ -3,22 +3,23 @@
 use mergetree::NodeId;
 
 halfedge::define_id!(
-    /// A block: a complete binary subtree of as many levels as the file has in each.
+    /// A block: a few nodes that hang together.
     BlockId,
     "b"
 );
 
 /// How node ids are made of block and slot: `id = block << levels | slot`.
 ///
-/// Slots number a complete binary tree of `levels` levels from its root on, level by level: the children of slot `s` are
-/// `2s + 1` and `2s + 2`. The last slot of the `2^levels` does not exist.
+/// A block is a connected piece of a tree of at most 2^levels − 1 nodes, as many as a complete binary tree of so many levels
+/// has. Its slots number the nodes from 0 on without gaps: each node before the part of the block below its left child, and
+/// that before the part below its right child. So the last of the 2^levels slots does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Numbering {
     levels: u32,
 }
 
 impl Numbering {
-    /// The numbering with this many levels per block.
+    /// The numbering with blocks of up to 2^levels − 1 nodes.
     ///
     /// # Panics
     /// When `levels` is not 1 to 5.
@@ -27,7 +28,7 @@ impl Numbering {
         Self { levels }
     }
 
-    /// Levels per block.
+    /// Bits of an id that are the slot.
     #[inline]
     pub const fn levels(self) -> u32 {
         self.levels
@@ -37,18 +38,6 @@ impl Numbering {
     #[inline]
     pub const fn slots(self) -> u32 {
         (1 << self.levels) - 1
-    }
-
-    /// First slot of the lowest level, whose children are other blocks.
-    #[inline]
-    pub const fn lowest_level(self) -> u32 {
-        (1 << (self.levels - 1)) - 1
-    }
-
-    /// Mask of a full block.
-    #[inline]
-    pub(crate) const fn full_mask(self) -> u32 {
-        (1 << self.slots()) - 1
     }
 
     /// The block of a node.
@@ -68,28 +57,6 @@ impl Numbering {
     pub const fn node(self, block: BlockId, slot: u32) -> NodeId {
         NodeId::new(block.get() << self.levels | slot)
     }
-
-    /// Where the node of a slot stands among the nodes of a block with this presence mask; `None` if it is not there.
-    #[inline]
-    pub const fn rank(mask: u32, slot: u32) -> Option<usize> {
-        if slot < 32 && mask >> slot & 1 == 1 {
-            Some((mask & ((1 << slot) - 1)).count_ones() as usize)
-        } else {
-            None
-        }
-    }
-}
-
-/// The slots present in a mask, in order.
-#[inline]
-pub(crate) fn slots_of(mut mask: u32) -> impl Iterator<Item = u32> {
-    std::iter::from_fn(move || {
-        let slot = mask.trailing_zeros();
-        (mask != 0).then(|| {
-            mask &= mask - 1;
-            slot
-        })
-    })
 }
 
 #[cfg(test)]
@@ -100,7 +67,6 @@ mod tests {
     fn ids_are_made_of_block_and_slot_and_taken_apart_again() {
         for levels in 1..=5 {
             let numbering = Numbering::new(levels);
-            assert_eq!(numbering.full_mask().count_ones(), numbering.slots());
             for block in [0, 1, 77] {
                 for slot in 0..numbering.slots() {
                     let node = numbering.node(BlockId::new(block), slot);
@@ -108,16 +74,6 @@ mod tests {
                     assert_eq!(numbering.slot(node), slot);
                 }
             }
-        }
-    }
-
-    #[test]
-    fn the_rank_of_a_slot_counts_the_slots_before_it() {
-        let mask = 0b1010_1101;
-        let slots: Vec<_> = slots_of(mask).collect();
-        assert_eq!(slots, [0, 2, 3, 5, 7]);
-        for slot in 0..40 {
-            assert_eq!(Numbering::rank(mask, slot), slots.iter().position(|&s| s == slot));
         }
     }
 }

@@ -2,25 +2,16 @@
 
 use mergetree::{Node, NodeId};
 
-use crate::numbering::{BlockId, Numbering};
+use crate::numbering::BlockId;
 
 /// The blocks of one page, with the ids of the file's numbering.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Page {
     pub(crate) first_block: u32,
-    pub(crate) blocks: Vec<BlockEntry>,
+    /// Per block where its nodes begin.
+    pub(crate) blocks: Vec<u32>,
     /// Nodes of all blocks, in order of their ids.
     pub(crate) nodes: Vec<Node>,
-}
-
-/// What a block is, besides its nodes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct BlockEntry {
-    pub mask: u32,
-    pub is_leaf: bool,
-    pub parent: Option<NodeId>,
-    /// Where its nodes begin among those of the page.
-    pub first_node: u32,
 }
 
 /// One block of a page.
@@ -28,13 +19,7 @@ pub(crate) struct BlockEntry {
 pub struct Block<'a> {
     /// Its id.
     pub id: BlockId,
-    /// Which slots hold a node: bit `s` for slot `s`.
-    pub mask: u32,
-    /// Whether no other block hangs under it.
-    pub is_leaf: bool,
-    /// The node it hangs under; `None` when its first node is a root.
-    pub parent: Option<NodeId>,
-    /// The nodes of its slots, in order, without gaps.
+    /// Its nodes, in order of their slots.
     pub nodes: &'a [Node],
 }
 
@@ -42,7 +27,12 @@ impl<'a> Block<'a> {
     /// The node in a slot.
     #[inline]
     pub fn node(&self, slot: u32) -> Option<&'a Node> {
-        self.nodes.get(Numbering::rank(self.mask, slot)?)
+        self.nodes.get(slot as usize)
+    }
+
+    /// The node it hangs under; `None` when its first node is a root.
+    pub fn parent(&self) -> Option<NodeId> {
+        self.nodes.first().and_then(|node| node.parent)
     }
 }
 
@@ -50,6 +40,33 @@ impl Page {
     /// A page without blocks, to be read into.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// A page without blocks, to be filled from this block on.
+    pub fn starting_at(first_block: BlockId) -> Self {
+        Self { first_block: first_block.get(), ..Self::default() }
+    }
+
+    /// Removes all blocks, so that the page can be filled again from this block on.
+    pub fn restart_at(&mut self, first_block: BlockId) {
+        self.first_block = first_block.get();
+        self.blocks.clear();
+        self.nodes.clear();
+    }
+
+    /// Appends a block with the next number, of nodes in order of their slots.
+    ///
+    /// Their ids, and with them all links, are final: `parent`, `left`, `right` and `adjacent` are in the file's numbering;
+    /// [`slot`](Node::slot) means nothing. Radius, cone sine and deviation are numbers that
+    /// [codes](mergetree::BoundCodes) stand for.
+    pub fn push_block(&mut self, nodes: &[Node]) {
+        self.blocks.push(self.nodes.len() as u32);
+        self.nodes.extend_from_slice(nodes);
+    }
+
+    /// The number of its first block, or of the first one to come.
+    pub fn first_block(&self) -> BlockId {
+        BlockId::new(self.first_block)
     }
 
     /// Number of blocks.
@@ -75,19 +92,12 @@ impl Page {
 
     /// Bytes that the page takes in memory.
     pub fn memory_bytes(&self) -> usize {
-        self.blocks.capacity() * size_of::<BlockEntry>() + self.nodes.capacity() * size_of::<Node>()
+        self.blocks.capacity() * size_of::<u32>() + self.nodes.capacity() * size_of::<Node>()
     }
 
     fn at(&self, index: usize) -> Block<'_> {
-        let entry = self.blocks[index];
-        let first = entry.first_node as usize;
-        let count = entry.mask.count_ones() as usize;
-        Block {
-            id: BlockId::new(self.first_block + index as u32),
-            mask: entry.mask,
-            is_leaf: entry.is_leaf,
-            parent: entry.parent,
-            nodes: &self.nodes[first..first + count],
-        }
+        let start = self.blocks[index] as usize;
+        let end = self.blocks.get(index + 1).map_or(self.nodes.len(), |&next| next as usize);
+        Block { id: BlockId::new(self.first_block + index as u32), nodes: &self.nodes[start..end] }
     }
 }

@@ -46,7 +46,7 @@ impl XfmFile {
     /// Opens a file and reads all of it but its pages.
     ///
     /// # Complexity
-    /// Time and memory linear in the coarsest mesh and the number of pages. Memory is at most 512 times the length of
+    /// Time and memory linear in the coarsest mesh and the number of pages. Memory is at most 1024 times the length of
     /// the file, whatever is in it.
     ///
     /// # Errors
@@ -86,11 +86,11 @@ impl XfmFile {
             return Err(Error::TrailingBytes { file: path, expected, found: file_len });
         }
         let in_file = |defect: crate::error::Defect| defect.in_file(&path);
-        // The front adds to names; see `HalfEdgeNames::max_node`.
-        let (half_edges, max) = (header.num_half_edges(), u64::from(u32::MAX) - 7);
-        if half_edges > max {
-            return Err(Error::TooLarge { file: path, half_edges, max });
-        }
+        header.check_names().map_err(|(half_edges, max)| Error::TooLarge {
+            file: path.clone(),
+            half_edges,
+            max,
+        })?;
         source.section(header.base, Tag::Base, Place::Base, &mut bytes)?;
         let mut base = decode_base(&bytes, &header).map_err(in_file)?;
         source.section(header.root_list, Tag::Roots, Place::Roots, &mut bytes)?;
@@ -161,9 +161,11 @@ impl XfmFile {
         };
         let [nodes, blocks, length] =
             [largest(|e| e.nodes), largest(|e| e.blocks), largest(|e| e.length)];
-        let page = nodes * size_of::<Node>() + blocks * size_of::<crate::page::BlockEntry>();
-        // Two columns of two values per node at most, references, names and a plane, each in memory that may have doubled.
-        [page, length + nodes * 2 * (32 + 8 + 4 + 1) + ZSTD_CONTEXT_BYTES]
+        let page = nodes * size_of::<Node>() + blocks * size_of::<u32>();
+        // A column of values and its planes, a packed plane, references, ids, children outside and tops, each in memory
+        // that may have doubled.
+        let per_node = 8 + 8 + 1 + 8 + 4 + 2 * 8 + 1;
+        [page, length + nodes * 2 * per_node + ZSTD_CONTEXT_BYTES]
     }
 
     /// Bytes that header, coarsest mesh and page index take in memory.
@@ -270,39 +272,38 @@ impl XfmFile {
 
     /// Reads the whole file as a forest in memory.
     ///
-    /// A node's id there is its place in the order of ids in the file, without the gaps that empty slots leave.
+    /// A node's id there is its place in the order of ids in the file, without the gaps that blocks leave.
     ///
     /// # Complexity
-    /// Time and memory linear in the number of nodes: 64 bytes per node and 12 per block.
+    /// Time and memory linear in the number of nodes: 64 bytes per node and 4 per block.
     ///
     /// # Errors
     /// As [`read_page_into`](Self::read_page_into), and [`Error::Invalid`] where a link leads to a slot without node.
     pub fn read_forest(&self) -> Result<Forest, Error> {
         let numbering = self.numbering();
         let mut nodes: Vec<Node> = Vec::with_capacity(self.header.nodes as usize);
-        // Per block its mask and where its nodes begin.
-        let mut blocks: Vec<(u32, u32)> = Vec::with_capacity(self.num_blocks());
+        // Per block where its nodes begin, and where the last one ends.
+        let mut starts: Vec<u32> = Vec::with_capacity(self.num_blocks() + 1);
         let mut reader = self.page_reader()?;
         let mut page = Page::new();
         for number in 0..self.num_pages() {
             self.read_page_into(number, &mut reader, &mut page)?;
-            for block in page.blocks() {
-                blocks.push((block.mask, nodes.len() as u32));
-                nodes.extend_from_slice(block.nodes);
-            }
+            starts.extend(page.blocks.iter().map(|&start| nodes.len() as u32 + start));
+            nodes.extend_from_slice(&page.nodes);
         }
+        starts.push(nodes.len() as u32);
         let names = self.context.names;
         let dense = |id: NodeId| -> Result<NodeId, Error> {
-            let (mask, first) =
-                blocks.get(numbering.block(id).index()).copied().unwrap_or_default();
-            match Numbering::rank(mask, numbering.slot(id)) {
-                Some(rank) => Ok(NodeId::new(first + rank as u32)),
-                None => Err(Error::Invalid {
+            let block = numbering.block(id).index();
+            let id_there = starts.get(block).map(|&start| start + numbering.slot(id));
+            id_there
+                .filter(|id| starts.get(block + 1).is_some_and(|end| id < end))
+                .map(NodeId::new)
+                .ok_or_else(|| Error::Invalid {
                     file: self.path.clone(),
                     place: Place::Node(id.get().into()),
                     message: "is linked to and not there".into(),
-                }),
-            }
+                })
         };
         for node in &mut nodes {
             for link in [&mut node.left, &mut node.right, &mut node.parent].into_iter().flatten() {

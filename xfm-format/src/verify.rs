@@ -8,7 +8,7 @@ use mergetree::{HalfEdgeName, Node, NodeId};
 
 use crate::bounds::{cone_holds, enclosing_angle, enclosing_radius};
 use crate::error::{Error, Place};
-use crate::numbering::{BlockId, Numbering, slots_of};
+use crate::numbering::{BlockId, Numbering};
 use crate::page::{Block, Page};
 use crate::reader::XfmFile;
 
@@ -68,7 +68,7 @@ pub struct Progress {
 /// not the header's. What hangs below a page that cannot be read is not held against it.
 ///
 /// # Complexity
-/// Reads every page twice. Memory: 4 bytes per node, 8 per block, and one node per block that hangs under another page
+/// Reads every page twice. Memory: 4 bytes per node, 8 per block, and one node per block that hangs under another one
 /// and is yet to come.
 pub fn verify(file: &XfmFile, mut on_progress: impl FnMut(Progress)) -> Report {
     let mut verifier = Verifier::new(file);
@@ -115,12 +115,26 @@ struct Expected {
     depth: u64,
 }
 
+/// What is remembered of a block.
+#[derive(Clone, Copy)]
+struct KnownBlock {
+    /// Where its nodes begin among the orders.
+    start: u32,
+    /// How many there are; 0 where the page cannot be read.
+    nodes: u32,
+}
+
+impl KnownBlock {
+    fn is_readable(&self) -> bool {
+        self.nodes > 0
+    }
+}
+
 struct Verifier<'a> {
     file: &'a XfmFile,
     numbering: Numbering,
     report: Report,
-    /// Per block its mask, or `None` where the page cannot be read, and where its nodes begin in `orders`.
-    blocks: Vec<(Option<u32>, u32)>,
+    blocks: Vec<KnownBlock>,
     /// Order of every node; the highest bit says whether it has a second face.
     orders: Vec<u32>,
     order_seen: Vec<u64>,
@@ -128,6 +142,8 @@ struct Verifier<'a> {
     roots: BTreeSet<NodeId>,
     unreadable_pages: usize,
     depth: u64,
+    /// Of the nodes of a block.
+    depths: Vec<u64>,
     triangles: u64,
     bounds: Option<[Vec3; 2]>,
 }
@@ -148,6 +164,7 @@ impl<'a> Verifier<'a> {
             roots: file.base().roots().collect(),
             unreadable_pages: 0,
             depth: 0,
+            depths: Vec::new(),
             triangles: header.base_faces,
             bounds: None,
         }
@@ -179,17 +196,24 @@ impl<'a> Verifier<'a> {
         self.unreadable_pages += 1;
         let (blocks, nodes) = self.file.page_counts(number).unwrap_or_default();
         for _ in 0..blocks {
-            self.blocks.push((None, self.orders.len() as u32));
+            self.blocks.push(KnownBlock { start: self.orders.len() as u32, nodes: 0 });
         }
         self.orders.extend(std::iter::repeat_n(0, nodes));
     }
 
     fn page(&mut self, page: &Page) {
         for block in page.blocks() {
-            self.blocks.push((Some(block.mask), self.orders.len() as u32));
+            let (start, nodes) = (self.orders.len() as u32, block.nodes.len() as u32);
+            self.blocks.push(KnownBlock { start, nodes });
             let above = self.link(&block);
-            for (slot, node) in slots_of(block.mask).zip(block.nodes) {
-                self.node(&block, slot, node, above);
+            // Parents stand before their children.
+            self.depths.clear();
+            for (slot, node) in (0..).zip(block.nodes) {
+                let parent = node.parent.filter(|_| slot > 0);
+                let parent = parent.map(|parent| self.numbering.slot(parent) as usize);
+                let depth = 1 + parent.map_or(above, |slot| self.depths[slot]);
+                self.depths.push(depth);
+                self.node(&block, slot, node, depth);
             }
         }
     }
@@ -197,7 +221,7 @@ impl<'a> Verifier<'a> {
     /// Checks that a block hangs where it says it does; returns how many levels are above it.
     fn link(&mut self, block: &Block<'_>) -> u64 {
         let place = Place::Block(block.id.get().into());
-        let Some(parent) = block.parent else {
+        let Some(parent) = block.parent() else {
             if !self.roots.remove(&self.numbering.node(block.id, 0)) {
                 self.report.add(place, "has no parent and is not in the root list");
             }
@@ -222,7 +246,7 @@ impl<'a> Verifier<'a> {
             }
             None => {
                 let parent_block = self.blocks.get(self.numbering.block(parent).index());
-                if parent_block.is_some_and(|(mask, _)| mask.is_some()) {
+                if parent_block.is_some_and(KnownBlock::is_readable) {
                     let message = format!("hangs under node {parent}, which does not name it");
                     self.report.add(place, message);
                 }
@@ -231,10 +255,9 @@ impl<'a> Verifier<'a> {
         0
     }
 
-    fn node(&mut self, block: &Block<'_>, slot: u32, node: &Node, above: u64) {
+    fn node(&mut self, block: &Block<'_>, slot: u32, node: &Node, depth: u64) {
         let id = self.numbering.node(block.id, slot);
         let place = Place::Node(id.get().into());
-        let depth = above + u64::from((slot + 1).ilog2()) + 1;
         self.depth = self.depth.max(depth);
         self.triangles += node.num_faces() as u64;
         self.include(node.position);
@@ -270,13 +293,18 @@ impl<'a> Verifier<'a> {
             let message = format!("has order {}, its parent {}", child.order, parent.order);
             self.report.add(place, message);
         }
-        if enclosing_radius(parent, child, child.radius) > f64::from(parent.radius) {
+        if enclosing_radius(parent.position, child.position, child.radius)
+            > f64::from(parent.radius)
+        {
             self.report.add(place, "has a sphere that reaches outside its parent's");
         }
         if child.deviation > parent.deviation {
             self.report.add(place, "has a larger deviation than its parent");
         }
-        if !cone_holds(parent.cone_sine, enclosing_angle(parent, child, child.cone_sine)) {
+        if !cone_holds(
+            parent.cone_sine,
+            enclosing_angle(parent.normal, child.normal, child.cone_sine),
+        ) {
             self.report.add(place, "has a cone that reaches outside its parent's");
         }
     }
@@ -289,7 +317,7 @@ impl<'a> Verifier<'a> {
             if self
                 .blocks
                 .get(self.numbering.block(root).index())
-                .is_some_and(|(mask, _)| mask.is_some())
+                .is_some_and(KnownBlock::is_readable)
             {
                 self.report.add(Place::Roots, format!("node {root} is no root"));
             }
@@ -315,7 +343,7 @@ impl<'a> Verifier<'a> {
     fn half_edges(&mut self, page: &Page) {
         let names = self.file.base().names();
         for block in page.blocks() {
-            for (slot, node) in slots_of(block.mask).zip(block.nodes) {
+            for (slot, node) in (0..).zip(block.nodes) {
                 let id = self.numbering.node(block.id, slot);
                 for (name, adjacent) in ["w", "x", "y", "z"].into_iter().zip(node.adjacent) {
                     let Some(HalfEdgeName::Node(target, k)) = adjacent.map(|h| names.resolve(h))
@@ -332,13 +360,17 @@ impl<'a> Verifier<'a> {
 
     /// That a half-edge named by a node is there, and comes with a split that goes before the node's.
     fn target(&self, target: NodeId, k: u32, order: u32) -> Result<(), String> {
-        let (mask, first) =
-            self.blocks.get(self.numbering.block(target).index()).copied().unwrap_or((Some(0), 0));
-        let Some(mask) = mask else { return Ok(()) };
-        let Some(rank) = Numbering::rank(mask, self.numbering.slot(target)) else {
+        let slot = self.numbering.slot(target);
+        let stored = match self.blocks.get(self.numbering.block(target).index()) {
+            Some(block) if !block.is_readable() => return Ok(()),
+            Some(block) if slot < block.nodes => {
+                self.orders.get((block.start + slot) as usize).copied()
+            }
+            _ => None,
+        };
+        let Some(stored) = stored else {
             return Err(format!("names a half-edge of node {target}, which is not there"));
         };
-        let stored = self.orders.get(first as usize + rank).copied().unwrap_or_default();
         if k >= 3 && stored & SECOND_FACE == 0 {
             return Err(format!(
                 "names a half-edge of the second face of node {target}, which has one"

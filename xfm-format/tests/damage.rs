@@ -160,8 +160,8 @@ fn with_header(change: impl FnOnce(&mut Vec<u8>)) -> Error {
 fn fields_of_the_header_are_refused_by_name() {
     let error = with_header(|bytes| bytes[0] = b'x');
     assert!(matches!(error, Error::NotXfm { .. }), "{error}");
-    let error = with_header(|bytes| bytes[8] = 2);
-    assert!(matches!(error, Error::UnsupportedVersion { found: 2, supported: 1, .. }), "{error}");
+    let error = with_header(|bytes| bytes[8] = 1);
+    assert!(matches!(error, Error::UnsupportedVersion { found: 1, supported: 2, .. }), "{error}");
     let error = with_header(|bytes| bytes[16] = 4);
     assert!(matches!(error, Error::UnsupportedFeatures { flags: 4, .. }), "{error}");
     let error = with_header(|bytes| bytes[24] = 9);
@@ -193,7 +193,9 @@ fn fields_of_the_header_are_refused_by_name() {
         (INDEX, "page index at byte"),
         (INDEX + 8, "bytes of file"),
         (216, "bytes of file"),
-        (224, "reserved"),
+        (248, "a precision of number"),
+        (249, "reserved"),
+        (255, "reserved"),
         (256, "attributes do not begin"),
         (256 + 30, "reserved"),
     ] {
@@ -202,6 +204,10 @@ fn fields_of_the_header_are_refused_by_name() {
             matches!(&error, Error::Invalid { place: Place::Header, message: m, .. } if m.contains(message)),
             "byte {at}: {error}"
         );
+    }
+    for origin in [f64::NAN, f64::INFINITY] {
+        let error = with_header(|bytes| bytes[232..240].copy_from_slice(&origin.to_le_bytes()));
+        assert!(error.to_string().contains("an origin that is not finite"), "{error}");
     }
     for at in [BASE + 16, ROOTS + 16, INDEX + 16] {
         let error = with_header(|bytes| bytes[at] ^= 1);

@@ -5,7 +5,7 @@ mod common;
 use common::{Soup, collapse, sheet, torus, unnumbered};
 use mergetree::Forest;
 use proptest::prelude::*;
-use xfm_format::{BlockId, Error, Numbering, WriteOptions, XfmFile, verify, write};
+use xfm_format::{BlockId, Error, WriteOptions, XfmFile, verify, write};
 
 fn options(levels: u32, page_nodes: usize) -> WriteOptions {
     let mut options = WriteOptions::default();
@@ -42,22 +42,33 @@ fn check(forest: &Forest, options: &WriteOptions) -> Result<(), TestCaseError> {
         prop_assert!(node.deviation <= original.deviation * 1.004);
     }
 
-    // Pages hold the blocks that the index says, and nodes know their place.
+    // Pages hold the blocks that the index says, and nodes know their place. Pages, and blocks in each, follow the collapses
+    // backwards; a page is a piece of a tree, or some of a root each.
     let numbering = file.numbering();
     let mut next = 0;
+    let mut last_page = u32::MAX;
     for number in 0..file.num_pages() {
         let page = file.read_page(number).unwrap();
+        let first_order = page.nodes()[0].order;
+        prop_assert!(first_order < last_page);
+        last_page = first_order;
+        let mut last_block = u32::MAX;
         for block in page.blocks() {
             prop_assert_eq!(block.id, BlockId::new(next));
             prop_assert_eq!(file.block_page(block.id), Some(number));
             prop_assert_eq!(page.block(block.id), Some(block));
             let first = block.node(0).unwrap();
-            prop_assert_eq!(first.parent, block.parent);
+            prop_assert_eq!(first.parent, block.parent());
+            prop_assert!(first.order < last_block);
+            last_block = first.order;
+            let parent_page = first.parent.and_then(|p| file.block_page(numbering.block(p)));
+            prop_assert!(
+                parent_page
+                    .is_none_or(|p| p == number || p < number && block.id == page.first_block())
+            );
+            prop_assert!(block.nodes.len() <= numbering.slots() as usize);
             for slot in 0..32 {
-                prop_assert_eq!(
-                    block.node(slot).is_some(),
-                    Numbering::rank(block.mask, slot).is_some()
-                );
+                prop_assert_eq!(block.node(slot), block.nodes.get(slot as usize));
             }
             next += 1;
         }
@@ -102,12 +113,12 @@ fn a_larger_forest_has_full_pages_and_short_paths() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("torus.xfm");
     let report = write(&forest, &path, &WriteOptions::default()).unwrap();
-    assert!(report.pages <= forest.nodes.len() as u64 / 900, "{report:?}");
+    assert!(report.pages <= forest.nodes.len() as u64 / 700, "{report:?}");
     let file = XfmFile::open(&path).unwrap();
     let pages_above = |mut block: BlockId| {
         let mut pages = vec![file.block_page(block).unwrap()];
         while let Some(parent) =
-            file.read_page(pages[pages.len() - 1]).unwrap().block(block).unwrap().parent
+            file.read_page(pages[pages.len() - 1]).unwrap().block(block).unwrap().parent()
         {
             block = file.numbering().block(parent);
             let page = file.block_page(block).unwrap();

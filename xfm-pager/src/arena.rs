@@ -130,16 +130,16 @@ impl Arena {
         self.with_longest[usize::from(longest)] += 1;
     }
 
-    /// A node of the run at `at`.
+    /// The node in a place: those of a run follow each other from where it was stored.
     #[inline]
-    pub fn get(&self, at: u32, rank: usize) -> Option<&Node> {
-        self.chunks.get(at as usize / CHUNK_NODES)?.nodes.get(at as usize % CHUNK_NODES + rank)
+    pub fn get(&self, at: u32) -> Option<&Node> {
+        self.chunks.get(at as usize / CHUNK_NODES)?.nodes.get(at as usize % CHUNK_NODES)
     }
 
-    /// A node of the run at `at`, to be changed.
-    pub fn get_mut(&mut self, at: u32, rank: usize) -> Option<&mut Node> {
+    /// The node in a place, to be changed.
+    pub fn get_mut(&mut self, at: u32) -> Option<&mut Node> {
         let chunk = self.chunks.get_mut(at as usize / CHUNK_NODES)?;
-        chunk.nodes.get_mut(at as usize % CHUNK_NODES + rank)
+        chunk.nodes.get_mut(at as usize % CHUNK_NODES)
     }
 
     /// Checks that chunks, bits and counts agree.
@@ -231,7 +231,7 @@ mod tests {
             if step % 50 == 0 {
                 for (at, nodes) in &runs {
                     for (rank, node) in nodes.iter().enumerate() {
-                        assert_eq!(arena.get(*at, rank), Some(node));
+                        assert_eq!(arena.get(*at + rank as u32), Some(node));
                     }
                 }
             }

@@ -247,7 +247,7 @@ impl Pager {
             return false;
         };
         // A root's block comes here only when it could not be read at first.
-        self.residents.insert(&block, block.parent.is_none());
+        self.residents.insert(&block, block.parent().is_none());
         self.frame.loads += 1;
         if inflated {
             self.frame.page_hits += 1;
@@ -287,7 +287,7 @@ impl Pager {
             if others + residents.bytes() + cost > plenty {
                 break;
             }
-            residents.insert(&block, block.parent.is_none());
+            residents.insert(&block, block.parent().is_none());
             self.frame.read_ahead += 1;
         }
     }

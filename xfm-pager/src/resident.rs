@@ -15,18 +15,28 @@ struct Resident {
     /// Where its nodes are in the arena.
     nodes: u32,
     block: u32,
-    /// 0 for an entry that is free.
-    mask: u32,
     /// Frame in which it was last looked at. Set through a shared reference, hence atomic.
     last_used: AtomicU32,
     /// Frame in which it got its place in the list.
     listed: u32,
-    num_split: u32,
-    /// Holds a root and never goes.
-    pinned: bool,
     /// Neighbours in the list of blocks that may go; for a free entry `next` is the next free one.
     prev: u32,
     next: u32,
+    /// 0 for an entry that is free.
+    num_nodes: u8,
+    num_split: u8,
+    /// Holds a root and never goes.
+    pinned: bool,
+}
+
+const _: () = assert!(size_of::<Resident>() == 28);
+
+impl Resident {
+    /// Where a node of the block is in the arena, if there is one in this slot.
+    #[inline]
+    fn place(&self, slot: u32) -> Option<u32> {
+        (slot < u32::from(self.num_nodes)).then_some(self.nodes + slot)
+    }
 }
 
 /// The blocks in memory.
@@ -78,7 +88,7 @@ impl Residents {
 
     /// The blocks in memory.
     pub fn blocks(&self) -> impl Iterator<Item = BlockId> + '_ {
-        let present = self.entries.iter().filter(|resident| resident.mask != 0);
+        let present = self.entries.iter().filter(|resident| resident.num_nodes != 0);
         present.map(|resident| BlockId::new(resident.block))
     }
 
@@ -121,8 +131,7 @@ impl Residents {
         if resident.last_used.load(Relaxed) != self.clock {
             resident.last_used.store(self.clock, Relaxed);
         }
-        let rank = Numbering::rank(resident.mask, self.numbering.slot(id))?;
-        self.arena.get(resident.nodes, rank)
+        self.arena.get(resident.place(self.numbering.slot(id))?)
     }
 
     /// Takes a block that is not in memory yet. A pinned one stays.
@@ -134,13 +143,13 @@ impl Residents {
         let resident = Resident {
             nodes: self.arena.insert(block.nodes),
             block: block.id.get(),
-            mask: block.mask,
             last_used: AtomicU32::new(self.clock),
             listed: self.clock,
-            num_split: 0,
-            pinned,
             prev: NONE,
             next: NONE,
+            num_nodes: block.nodes.len() as u8,
+            num_split: 0,
+            pinned,
         };
         let entry = if self.free == NONE {
             self.entries.push(resident);
@@ -163,15 +172,15 @@ impl Residents {
     pub fn set_slot(&mut self, id: NodeId, slot: Option<SlotId>) {
         let entry = self.directory.get(self.numbering.block(id).index()).map_or(0, |&entry| entry);
         let entry = entry.checked_sub(1).unwrap_or_else(|| panic!("node {id} is not resident"));
-        let rank_slot = self.numbering.slot(id);
         let resident = &mut self.entries[entry as usize];
-        let node = Numbering::rank(resident.mask, rank_slot)
-            .and_then(|rank| self.arena.get_mut(resident.nodes, rank))
+        let node = resident
+            .place(self.numbering.slot(id))
+            .and_then(|place| self.arena.get_mut(place))
             .unwrap_or_else(|| panic!("node {id} is not resident"));
         let was_split = std::mem::replace(&mut node.slot, slot).is_some();
         resident.last_used.store(self.clock, Relaxed);
         let before = resident.num_split;
-        resident.num_split = before + u32::from(slot.is_some()) - u32::from(was_split);
+        resident.num_split = before + u8::from(slot.is_some()) - u8::from(was_split);
         let (now, pinned) = (resident.num_split, resident.pinned);
         if !pinned {
             match (before, now) {
@@ -206,7 +215,7 @@ impl Residents {
 
     fn remove(&mut self, entry: u32) {
         let resident = &mut self.entries[entry as usize];
-        let num_nodes = std::mem::take(&mut resident.mask).count_ones() as usize;
+        let num_nodes = usize::from(std::mem::take(&mut resident.num_nodes));
         self.arena.remove(resident.nodes, num_nodes);
         self.num_nodes -= num_nodes;
         self.num_blocks -= 1;
@@ -249,18 +258,19 @@ impl Residents {
         let mut num_listed = 0;
         let mut num_blocks = 0;
         for (index, resident) in self.entries.iter().enumerate() {
-            if resident.mask == 0 {
+            if resident.num_nodes == 0 {
                 continue;
             }
-            let count = resident.mask.count_ones() as usize;
+            let count = usize::from(resident.num_nodes);
             num_blocks += 1;
             num_nodes += count;
             if self.directory.get(resident.block as usize) != Some(&(index as u32 + 1)) {
                 return Err(format!("the directory does not lead to block {}", resident.block));
             }
-            let nodes = (0..count).filter_map(|rank| self.arena.get(resident.nodes, rank));
+            let slots = 0..u32::from(resident.num_nodes);
+            let nodes = slots.filter_map(|slot| self.arena.get(resident.place(slot)?));
             let num_split = nodes.filter(|node| node.slot.is_some()).count();
-            if num_split != resident.num_split as usize {
+            if num_split != usize::from(resident.num_split) {
                 return Err(format!("block {} counts its split nodes wrongly", resident.block));
             }
             num_listed += usize::from(num_split == 0 && !resident.pinned);
@@ -272,7 +282,7 @@ impl Residents {
         let (mut entry, mut prev, mut walked) = (self.oldest, NONE, 0);
         while entry != NONE && walked <= num_listed {
             let resident = &self.entries[entry as usize];
-            if resident.prev != prev || resident.mask == 0 || resident.num_split > 0 {
+            if resident.prev != prev || resident.num_nodes == 0 || resident.num_split > 0 {
                 return Err(format!("the list is broken at block {}", resident.block));
             }
             (prev, entry, walked) = (entry, resident.next, walked + 1);

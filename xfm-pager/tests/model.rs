@@ -30,7 +30,7 @@ fn sample() -> &'static Sample {
                 let slots = (0..32).filter(|&slot| block.node(slot).is_some());
                 let ids = slots.map(|slot| file.numbering().node(block.id, slot));
                 nodes.extend(ids.zip(block.nodes.iter().copied()));
-                if block.parent.is_none() {
+                if block.parent().is_none() {
                     roots.insert(block.id);
                 }
             }

@@ -11,7 +11,7 @@ use mesh_io::{Format, Frame, IndexedMesh, Triangle, TriangleSink, TriangleSource
 use tempfile::NamedTempFile;
 
 use crate::pipe::PipeReader;
-use crate::{Error, interrupt};
+use crate::{Error, interrupt, text};
 
 /// Triangles handed to a sink at once.
 const BATCH: usize = 1 << 14;
@@ -241,6 +241,18 @@ impl Output {
     /// Whether nobody reads the output any more: whoever did has seen what they wanted.
     pub fn has_no_reader(&self) -> bool {
         self.written.reader_left.load(Ordering::Relaxed)
+    }
+
+    /// What is lost, and the remedy, where the format cannot hold what the frame needs.
+    pub fn rounding(&self, frame: Frame) -> Option<String> {
+        (frame.double && !self.format.holds_doubles()).then(|| {
+            format!(
+                "{}: its coordinates are rounded to steps of {}, because the format {} holds single precision only; ply and obj keep the input's digits",
+                self.name(),
+                text::number(self.step(frame), 3),
+                self.format.name()
+            )
+        })
     }
 
     /// How far apart neighbouring coordinates may lie, at most, in what was written in a frame.

@@ -2,9 +2,15 @@
 
 use std::path::Path;
 
-use xfm_format::XfmFile;
+use mesh_io::Frame;
+use xfm_format::{Header, Precision, XfmFile};
 
 use crate::Error;
+
+/// The frame of the input that the positions of a file are in.
+pub fn frame(header: &Header) -> Frame {
+    Frame { origin: header.origin, double: header.precision == Precision::Double }
+}
 
 /// Opens a `.xfm` file; what is another kind of file is told how to become one.
 ///

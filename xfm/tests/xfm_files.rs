@@ -26,7 +26,9 @@ fn a_torus_goes_in_and_comes_out_whole() {
     assert_eq!(folder.names(), ["torus.obj", "torus.xfm"], "nothing else is left");
 
     let info = xfm(&["info", &file, "--json"]).json();
-    assert_eq!(info["version"], 1);
+    assert_eq!(info["version"], 2);
+    assert_eq!(info["origin"], serde_json::json!([0.0, 0.0, 0.0]));
+    assert_eq!(info["precision"], "single");
     assert_eq!(info["encoding"], "exact");
     assert_eq!(info["input_triangles"], 3600);
     for same in ["nodes", "blocks", "pages", "tree_depth", "fill", "file_bytes"] {
@@ -304,4 +306,91 @@ fn wrong_usage_exits_with_2() {
         let ran = xfm(args);
         assert_eq!(ran.code, 2, "{args:?}: {}", ran.stderr);
     }
+}
+
+/// The vertices of an OBJ text, in order of their coordinates.
+fn vertices(obj: &str) -> Vec<[f64; 3]> {
+    let lines = obj.lines().filter_map(|line| line.strip_prefix("v "));
+    let mut vertices: Vec<[f64; 3]> = lines
+        .map(|line| {
+            let numbers: Vec<f64> =
+                line.split(' ').map(|word| word.parse().expect("a number")).collect();
+            [numbers[0], numbers[1], numbers[2]]
+        })
+        .collect();
+    vertices.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+    vertices
+}
+
+#[test]
+fn coordinates_far_from_zero_keep_their_place_and_their_digits() {
+    let folder = Folder::new();
+    let near = torus(60, 30);
+    let mut far = String::new();
+    for line in near.lines() {
+        match line.strip_prefix("v ") {
+            Some(line) => {
+                // Steps of 1/4096, which the sums hold exactly.
+                let numbers = line.split(' ').map(|word| word.parse::<f64>().expect("a number"));
+                let by = [512_345.0, -5_403_210.0, 0.0];
+                let moved = numbers.zip(by).map(|(x, by)| (x * 4096.0).round() / 4096.0 + by);
+                let words: Vec<String> = moved.map(|x| x.to_string()).collect();
+                far += &format!("v {}\n", words.join(" "));
+            }
+            None => far += &format!("{line}\n"),
+        }
+    }
+    let input = folder.write("far.obj", &far);
+    let file = folder.file("far.xfm");
+    xfm(&["build", &input, &file, "--json"]).json();
+    let info = xfm(&["info", &file, "--json"]).json();
+    assert_eq!(info["origin"], serde_json::json!([512_346.0, -5_403_210.0, 0.0]));
+    assert_eq!(info["precision"], "double");
+    let least = info["bounds"]["min"][1].as_f64().expect("a number");
+    assert!((-5_403_211.39..-5_403_211.3).contains(&least), "{least}");
+    let told = xfm(&["info", &file]).stderr;
+    assert!(told.contains("origin     512346, -5403210, 0, input in double precision"), "{told}");
+
+    let full = folder.file("full.obj");
+    let report = xfm(&["extract", &file, &full, "--full", "--json"]).json();
+    assert_eq!(report["warnings"], serde_json::json!([]));
+    let text = std::fs::read_to_string(&full).expect("the mesh is there");
+    assert_eq!(vertices(&text), vertices(&far));
+    let verified = xfm(&["verify", &file, "--against", &input, "--json"]).json();
+    assert_eq!((&verified["against"]["missing"], &verified["ok"]), (&0.into(), &true.into()));
+
+    // The same mesh, told from another vertex on, has another origin.
+    let from_the_middle: String = {
+        let (mut vertices, faces): (Vec<&str>, Vec<&str>) =
+            far.lines().partition(|line| line.starts_with("v "));
+        let (count, skip) = (vertices.len(), 15 * 60 + 30);
+        vertices.rotate_left(skip);
+        let face = |line: &&str| {
+            let corners = line[2..].split(' ').map(|word| word.parse::<usize>().expect("a corner"));
+            let corners: Vec<String> =
+                corners.map(|v| ((v - 1 + count - skip) % count + 1).to_string()).collect();
+            format!("f {}\n", corners.join(" "))
+        };
+        let rotated = vertices.iter().map(|line| format!("{line}\n"));
+        rotated.chain(faces.iter().map(face)).collect()
+    };
+    let other = folder.write("other.obj", from_the_middle);
+    let other_file = folder.file("other.xfm");
+    xfm(&["build", &other, &other_file, "--json"]).json();
+    let other_info = xfm(&["info", &other_file, "--json"]).json();
+    assert_ne!(other_info["origin"], info["origin"]);
+    let verified = xfm(&["verify", &file, "--against", &other, "--json"]).json();
+    assert_eq!(verified["ok"], true);
+
+    // A camera stands in the input's frame.
+    let out = folder.file("seen.obj");
+    let seen = |eye: &str, at: &str| {
+        let args = ["extract", &file, &out, "--pixels", "2", "--eye", eye, "--at", at, "--json"];
+        xfm(&args).json()["output_triangles"].as_u64().expect("a count")
+    };
+    let beside = seen("512341,-5403210,1", "512344,-5403210,0");
+    assert!(beside > seen("-4,0,1", "-1,0,0"));
+    // Formats without doubles lose digits, which is said.
+    let ran = xfm(&["extract", &file, &folder.file("full.stl"), "--full"]);
+    assert!(ran.stderr.contains("warning: ") && ran.stderr.contains("steps of 0.5"));
 }

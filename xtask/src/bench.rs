@@ -3,10 +3,10 @@
 use crate::{Error, process};
 
 /// The crates that have benchmarks.
-const CRATES: [&str; 3] = ["qem", "halfedge", "stream-decimate"];
+const CRATES: [&str; 4] = ["qem", "halfedge", "stream-decimate", "xfm-build"];
 
 /// The benchmarks; by name, for the crates' own tests do not understand what is asked of a benchmark.
-const BENCHES: [&str; 3] = ["rating", "collapse", "decimate"];
+const BENCHES: [&str; 4] = ["rating", "collapse", "decimate", "link"];
 
 /// Seconds before and during each measurement that does not ask for more: all together should take little more than a
 /// minute.

@@ -2,28 +2,39 @@
 
 use std::io;
 
-use halfedge::HalfEdgeId;
-use mergetree::{HalfEdgeName, Node};
+use mergetree::{BoundCodes, Node, NodeId};
 
+use super::shape::{Kind, Preorder, Shape, Side};
 use super::{FieldBytes, PageContext, Reference};
-use crate::bounds;
 use crate::column::{
     ColumnDecoder, Cursor, float_from_difference, short_from_difference, unzigzag,
 };
 use crate::error::{Defect, Place};
-use crate::numbering::{BlockId, Numbering, slots_of};
-use crate::page::{BlockEntry, Page};
+use crate::numbering::BlockId;
+use crate::page::Page;
 use crate::sections::IndexEntry;
 
 /// Decodes pages; holds what can be used again from one to the next.
 pub(crate) struct PageDecoder {
     columns: ColumnDecoder,
     values: Vec<u64>,
+    preorder: Preorder,
     references: Vec<Reference>,
-    /// Name of half-edge 0 of every node.
-    own: Vec<u32>,
+    ids: Vec<NodeId>,
+    /// Children that begin other blocks, in order.
+    outside: Vec<Outside>,
+    /// Per block whether it hangs under none of the page, as far as is known.
+    is_top: Vec<bool>,
     /// What the fields of the last page took.
     pub bytes: FieldBytes,
+}
+
+/// A child that begins another block.
+struct Outside {
+    /// Its parent, among the nodes of the page.
+    node: u32,
+    side: Side,
+    kind: Kind,
 }
 
 impl PageDecoder {
@@ -31,8 +42,11 @@ impl PageDecoder {
         Ok(Self {
             columns: ColumnDecoder::new()?,
             values: Vec::new(),
+            preorder: Preorder::default(),
             references: Vec::new(),
-            own: Vec::new(),
+            ids: Vec::new(),
+            outside: Vec::new(),
+            is_top: Vec::new(),
             bytes: FieldBytes::default(),
         })
     }
@@ -72,11 +86,15 @@ impl PageDecoder {
             self.normal(&mut cursor, axis, page)?;
         }
         measure(&mut measured.normal, &cursor);
-        self.bound(&mut cursor, "radius", bounds::MAX_CODE, page, |node| &mut node.radius)?;
+        self.bound(&mut cursor, "radius", BoundCodes::MAX.into(), page, |node| &mut node.radius)?;
         measure(&mut measured.radius, &cursor);
-        self.bound(&mut cursor, "cone sine", bounds::ONE_CODE, page, |node| &mut node.cone_sine)?;
+        self.bound(&mut cursor, "cone sine", BoundCodes::ONE.into(), page, |node| {
+            &mut node.cone_sine
+        })?;
         measure(&mut measured.cone, &cursor);
-        self.bound(&mut cursor, "deviation", bounds::MAX_CODE, page, |node| &mut node.deviation)?;
+        self.bound(&mut cursor, "deviation", BoundCodes::MAX.into(), page, |node| {
+            &mut node.deviation
+        })?;
         measure(&mut measured.deviation, &cursor);
         self.order(&mut cursor, context, page)?;
         measure(&mut measured.order, &cursor);
@@ -103,6 +121,7 @@ impl PageDecoder {
         self.columns.column(cursor, field, count, max_width, &mut self.values)
     }
 
+    /// What hangs under every node; with it the blocks, and the links inside them.
     fn shape(
         &mut self,
         cursor: &mut Cursor<'_>,
@@ -111,36 +130,59 @@ impl PageDecoder {
         page: &mut Page,
     ) -> Result<(), Defect> {
         let numbering = context.numbering;
-        self.read(cursor, "presence mask", entry.blocks as usize, 4)?;
-        let mut first_node = 0;
-        for (index, &value) in self.values.iter().enumerate() {
-            let defect = |message: &str| {
-                Defect::new(Place::Block(entry.first_block + index as u64), message)
-            };
-            let mask = value as u32 & numbering.full_mask();
-            let flag = value >> numbering.slots();
-            if flag > 1 {
-                return Err(defect("presence mask has bits beyond the block"));
+        self.read(cursor, "shape", entry.nodes as usize, 1)?;
+        page.nodes.resize(entry.nodes as usize, Node::BLANK);
+        self.references.clear();
+        self.ids.clear();
+        self.outside.clear();
+        self.preorder.restart();
+        let nodes = &mut page.nodes[..];
+        for (index, &code) in (0..).zip(&self.values) {
+            let shape = Shape::from_code(code)
+                .ok_or_else(|| cursor.defect(format!("a node has shape {code}")))?;
+            let above = self.preorder.next();
+            if above.is_none() {
+                page.blocks.push(index);
             }
-            if !slots_of(mask).all(|slot| slot == 0 || mask >> ((slot - 1) / 2) & 1 == 1)
-                || mask & 1 == 0
-            {
-                return Err(defect("presence mask lacks the parent of a node"));
-            }
-            page.blocks.push(BlockEntry { mask, is_leaf: flag == 1, parent: None, first_node });
-            first_node += mask.count_ones();
-            if first_node > entry.nodes {
+            let block = page.blocks.len() as u32 - 1;
+            let slot = index - page.blocks[block as usize];
+            if slot >= numbering.slots() || block >= entry.blocks {
                 break;
             }
+            let id = numbering.node(BlockId::new(page.first_block + block), slot);
+            self.ids.push(id);
+            match above {
+                Some(above) => {
+                    nodes[index as usize].parent = Some(self.ids[above.node as usize]);
+                    *link(&mut nodes[above.node as usize], above.side) = Some(id);
+                    self.references.push(Reference { node: above.node, is_parent: true });
+                }
+                // Where it is not in the page, which is seen later.
+                None => self.references.push(Reference { node: index, is_parent: false }),
+            }
+            self.outside.extend(shape.outside().map(|(side, kind)| Outside {
+                node: index,
+                side,
+                kind,
+            }));
+            self.preorder.step(index, shape);
         }
-        if first_node != entry.nodes {
-            let message = format!("presence masks have {first_node} nodes, not {}", entry.nodes);
+        if self.ids.len() < page.nodes.len()
+            || self.preorder.next().is_some()
+            || page.blocks.len() != entry.blocks as usize
+        {
+            let message = format!(
+                "shapes of {} nodes do not make {} blocks of up to {}",
+                entry.nodes,
+                entry.blocks,
+                numbering.slots()
+            );
             return Err(cursor.defect(message));
         }
-        page.nodes.resize(entry.nodes as usize, Node::BLANK);
         Ok(())
     }
 
+    /// The links between blocks, and where each node is predicted from.
     fn links(
         &mut self,
         cursor: &mut Cursor<'_>,
@@ -148,100 +190,72 @@ impl PageDecoder {
         page: &mut Page,
     ) -> Result<(), Defect> {
         let numbering = context.numbering;
-        let (slots, lowest) = (numbering.slots(), numbering.lowest_level());
         let first_block = page.first_block;
-        self.read(cursor, "distance to parent", page.blocks.len(), 8)?;
-        let distances = std::mem::take(&mut self.values);
-        let num_parents = distances.iter().filter(|&&distance| distance != 0).count();
-        self.read(cursor, "slot of parent", num_parents, 1)?;
-        let mut parent_slots = self.values.iter();
-        for (index, &distance) in distances.iter().enumerate() {
-            let id = first_block + index as u32;
-            let defect = |message: &str| Defect::new(Place::Block(id.into()), message);
+        let num_blocks = page.blocks.len() as u32;
+        let inside = self.outside.iter().filter(|child| child.kind == Kind::Block).count();
+        let in_other_pages = self.outside.len() - inside;
+
+        self.read(cursor, "child in the page", inside, 8)?;
+        self.is_top.clear();
+        self.is_top.resize(page.blocks.len(), true);
+        let children = self.outside.iter().filter(|child| child.kind == Kind::Block);
+        for (child, &distance) in children.zip(&self.values) {
+            let parent = self.ids[child.node as usize];
+            let defect = || {
+                let message = "names a child block that cannot be";
+                Defect::new(Place::Node(parent.get().into()), message)
+            };
+            let block = u64::from(numbering.block(parent).get() - first_block)
+                .checked_add(distance)
+                .and_then(|block| block.checked_add(1))
+                .filter(|&block| block < u64::from(num_blocks))
+                .ok_or_else(defect)? as u32;
+            if !std::mem::replace(&mut self.is_top[block as usize], false) {
+                return Err(defect());
+            }
+            let first = page.blocks[block as usize] as usize;
+            *link(&mut page.nodes[child.node as usize], child.side) = Some(self.ids[first]);
+            page.nodes[first].parent = Some(parent);
+            self.references[first] = Reference { node: child.node, is_parent: true };
+        }
+
+        self.read(cursor, "child in another page", in_other_pages, 8)?;
+        let children = self.outside.iter().filter(|child| child.kind == Kind::Page);
+        let after = i64::from(first_block) + i64::from(num_blocks);
+        let mut expected = after;
+        for (child, &code) in children.zip(&self.values) {
+            let block = expected
+                .checked_add(unzigzag(code))
+                .filter(|&block| block >= after && (block as u64) < context.num_blocks)
+                .ok_or_else(|| {
+                    let parent = self.ids[child.node as usize];
+                    let message = "names a child block that cannot be";
+                    Defect::new(Place::Node(parent.get().into()), message)
+                })?;
+            expected = block + 1;
+            *link(&mut page.nodes[child.node as usize], child.side) =
+                Some(numbering.node(BlockId::new(block as u32), 0));
+        }
+
+        let tops = self.is_top.iter().filter(|&&is_top| is_top).count();
+        self.read(cursor, "node above", tops, 8)?;
+        let first_id = u64::from(numbering.node(BlockId::new(first_block), 0).get());
+        let tops = page.blocks.iter().zip(&self.is_top).filter(|&(_, &is_top)| is_top);
+        let mut last_top = 0;
+        for ((&first, _), &distance) in tops.zip(&self.values) {
+            self.references[first as usize].node = std::mem::replace(&mut last_top, first);
             if distance == 0 {
                 continue;
             }
-            let slot = parent_slots.next().map_or(u64::MAX, |&slot| slot + u64::from(lowest));
-            if distance > u64::from(id) || slot >= u64::from(slots) {
-                return Err(defect("hangs under no node"));
-            }
-            let parent = numbering.node(BlockId::new(id - distance as u32), slot as u32);
-            page.blocks[index].parent = Some(parent);
-        }
-        self.values = distances;
-
-        let num_children: u32 = page
-            .blocks
-            .iter()
-            .filter(|block| !block.is_leaf)
-            .map(|block| 2 * (block.mask >> lowest).count_ones())
-            .sum();
-        self.read(cursor, "child", num_children as usize, 8)?;
-        let mut children = self.values.iter();
-        let mut expected = i64::from(first_block) + 1;
-        let mut last_top = 0;
-        self.references.clear();
-        self.own.clear();
-        for index in 0..page.blocks.len() {
-            let block = page.blocks[index];
-            let id = BlockId::new(first_block + index as u32);
-            let defect = |message: &str| Defect::new(Place::Block(id.get().into()), message);
-            let first = block.first_node;
-            let mut has_child_block = false;
-            for (rank, slot) in slots_of(block.mask).enumerate() {
-                let parent = if slot > 0 {
-                    let rank = Numbering::rank(block.mask, (slot - 1) / 2);
-                    rank.map(|rank| first + rank as u32)
-                } else {
-                    match block.parent.filter(|&p| numbering.block(p).get() >= first_block) {
-                        Some(parent) => {
-                            let above =
-                                page.blocks[(numbering.block(parent).get() - first_block) as usize];
-                            let rank = Numbering::rank(above.mask, numbering.slot(parent))
-                                .ok_or_else(|| defect("hangs under a node that is not there"))?;
-                            Some(above.first_node + rank as u32)
-                        }
-                        None => None,
-                    }
-                };
-                self.references.push(match parent {
-                    Some(node) => Reference { node, is_parent: true },
-                    None => {
-                        let node = std::mem::replace(&mut last_top, first);
-                        Reference { node, is_parent: false }
-                    }
-                });
-                self.own.push(context.names.of_node(numbering.node(id, slot), 0).get());
-                let node = &mut page.nodes[first as usize + rank];
-                node.parent = match slot {
-                    0 => block.parent,
-                    slot => Some(numbering.node(id, (slot - 1) / 2)),
-                };
-                if slot < lowest {
-                    let child =
-                        |slot| Numbering::rank(block.mask, slot).map(|_| numbering.node(id, slot));
-                    [node.left, node.right] = [child(2 * slot + 1), child(2 * slot + 2)];
-                } else if !block.is_leaf {
-                    for link in [&mut node.left, &mut node.right] {
-                        let code = children.next().copied().unwrap_or(0);
-                        if code == 0 {
-                            continue;
-                        }
-                        let child = expected.checked_add(unzigzag(code - 1));
-                        let child = child
-                            .filter(|&child| {
-                                child > i64::from(id.get()) && (child as u64) < context.num_blocks
-                            })
-                            .ok_or_else(|| defect("names a child block that cannot be"))?;
-                        expected = child + 1;
-                        *link = Some(numbering.node(BlockId::new(child as u32), 0));
-                        has_child_block = true;
-                    }
-                }
-            }
-            if has_child_block == block.is_leaf {
-                return Err(defect("is no leaf and has no child block"));
-            }
+            let parent = first_id
+                .checked_sub(distance)
+                .map(|id| NodeId::new(id as u32))
+                .filter(|&id| numbering.slot(id) < numbering.slots())
+                .ok_or_else(|| {
+                    let block = numbering.block(self.ids[first as usize]);
+                    Defect::new(Place::Block(block.get().into()), "hangs under no node")
+                })?;
+            page.nodes[first as usize].parent = Some(parent);
         }
         Ok(())
     }
@@ -289,7 +303,7 @@ impl PageDecoder {
         let mut largest = 0;
         for (&code, node) in self.values.iter().zip(&mut page.nodes) {
             largest = largest.max(code);
-            *get(node) = bounds::decode(code as u16);
+            *get(node) = BoundCodes::decode(code as u16);
         }
         if largest > max {
             return Err(cursor.defect(format!("{field} is out of range (code {largest})")));
@@ -327,19 +341,23 @@ impl PageDecoder {
         page: &mut Page,
     ) -> Result<(), Defect> {
         self.read(cursor, "adjacent half-edge", page.nodes.len(), 8)?;
-        for ((node, &own), &code) in page.nodes.iter_mut().zip(&self.own).zip(&self.values) {
+        for ((node, &id), &code) in page.nodes.iter_mut().zip(&self.ids).zip(&self.values) {
             let Some(code) = code.checked_sub(1) else { continue };
-            let name = u64::from(own).wrapping_add_signed(unzigzag(code));
+            let own = context.names.of_node(id, 0);
             // What wraps around is beyond all half-edges.
+            let name = u64::from(own.get()).wrapping_add_signed(unzigzag(code));
             let half_edge = context.half_edge(name).ok_or_else(|| {
-                let place = match context.names.resolve(HalfEdgeId::new(own)) {
-                    HalfEdgeName::Node(id, _) => Place::Node(id.get().into()),
-                    HalfEdgeName::Base(_) => Place::Base,
-                };
-                Defect::new(place, "names a half-edge that cannot be")
+                Defect::new(Place::Node(id.get().into()), "names a half-edge that cannot be")
             })?;
             node.adjacent[which] = Some(half_edge);
         }
         Ok(())
+    }
+}
+
+fn link(node: &mut Node, side: Side) -> &mut Option<NodeId> {
+    match side {
+        Side::Left => &mut node.left,
+        Side::Right => &mut node.right,
     }
 }

@@ -2,51 +2,74 @@
 
 use std::io;
 
-use mergetree::{Node, NodeId};
+use mergetree::{BoundCodes, Node, NodeId};
 
+use super::shape::{Kind, Preorder, Shape, Side};
 use super::{FieldBytes, PageContext, Reference};
-use crate::bounds;
 use crate::column::{ColumnEncoder, float_difference, short_difference, zigzag};
 use crate::header::MAX_EXPANSION;
-use crate::numbering::{Numbering, slots_of};
-use crate::page::Page;
+use crate::numbering::BlockId;
+use crate::page::{Block, Page};
 
 /// Encodes pages; holds what can be used again from one to the next.
 pub(crate) struct PageEncoder {
     columns: ColumnEncoder,
     values: Vec<u64>,
+    shapes: Vec<Shape>,
+    preorder: Preorder,
     references: Vec<Reference>,
+    /// Per block whether it hangs under none of the page.
+    is_top: Vec<bool>,
+}
+
+/// Why a page cannot be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PageDefect {
+    pub node: NodeId,
+    pub message: &'static str,
 }
 
 impl PageEncoder {
     pub fn new() -> io::Result<Self> {
-        Ok(Self { columns: ColumnEncoder::new()?, values: Vec::new(), references: Vec::new() })
+        Ok(Self {
+            columns: ColumnEncoder::new()?,
+            values: Vec::new(),
+            shapes: Vec::new(),
+            preorder: Preorder::default(),
+            references: Vec::new(),
+            is_top: Vec::new(),
+        })
     }
 
-    /// The bytes of a page whose bounds are already those that their codes stand for.
-    pub fn encode(&mut self, page: &Page, context: &PageContext) -> (Vec<u8>, FieldBytes) {
+    /// The bytes of a page, once it is found to be one.
+    pub fn encode(
+        &mut self,
+        page: &Page,
+        context: &PageContext,
+    ) -> Result<(Vec<u8>, FieldBytes), PageDefect> {
+        self.arrange(page, context)?;
+        check_numbers(page, context, &self.references)?;
         self.columns.plain = false;
         let encoded = self.encode_once(page, context);
         // A page that shrinks beyond belief would be refused by the reader.
         if (page.nodes.len() * size_of::<Node>()) as u64 <= encoded.0.len() as u64 * MAX_EXPANSION {
-            return encoded;
+            return Ok(encoded);
         }
         self.columns.plain = true;
-        self.encode_once(page, context)
+        Ok(self.encode_once(page, context))
     }
 
     fn encode_once(&mut self, page: &Page, context: &PageContext) -> (Vec<u8>, FieldBytes) {
         let mut out = Vec::with_capacity(page.nodes.len() * 32 + 64);
         let mut bytes = FieldBytes::default();
-        self.find_references(page, context.numbering);
-        self.shape(page, context.numbering, &mut out);
         let mut measured = 0;
         let mut measure = |field: &mut u64, out: &Vec<u8>| {
             *field = (out.len() - measured) as u64;
             measured = out.len();
         };
+        self.shape(&mut out);
         measure(&mut bytes.shape, &out);
-        self.links(page, context.numbering, &mut out);
+        self.links(page, context, &mut out);
         measure(&mut bytes.links, &out);
         for axis in 0..3 {
             self.predicted(page, &mut out, 0.0, |node| node.position[axis], float_difference);
@@ -71,26 +94,84 @@ impl PageEncoder {
         (out, bytes)
     }
 
-    fn find_references(&mut self, page: &Page, numbering: Numbering) {
+    /// Finds shapes, references and tops, and that every link inside the page is returned.
+    fn arrange(&mut self, page: &Page, context: &PageContext) -> Result<(), PageDefect> {
+        let numbering = context.numbering;
+        let blocks = page.first_block..page.first_block + page.blocks.len() as u32;
+        self.shapes.clear();
         self.references.clear();
-        let mut last_top = 0;
+        self.is_top.clear();
+        self.preorder.restart();
+        let (mut last_top, mut num_below, mut num_named) = (0, 0, 0);
         for block in page.blocks() {
-            let first = self.references.len() as u32;
-            for slot in slots_of(block.mask) {
-                let parent = if slot > 0 {
-                    Numbering::rank(block.mask, (slot - 1) / 2).map(|rank| first + rank as u32)
-                } else {
-                    block.parent.and_then(|parent| node_in_page(page, numbering, parent))
+            let begin = self.references.len() as u32;
+            let first = defect_at(numbering.node(block.id, 0));
+            if block.nodes.is_empty() || block.nodes.len() > numbering.slots() as usize {
+                return Err(first("begins a block of no or too many nodes"));
+            }
+            for ((slot, index), node) in (0..).zip(begin..).zip(block.nodes) {
+                let id = numbering.node(block.id, slot);
+                let defect = defect_at(id);
+                let kind = |child: Option<NodeId>| {
+                    let Some(child) = child else { return Ok(Kind::None) };
+                    let number = numbering.block(child).get();
+                    if number == block.id.get() {
+                        return Ok(Kind::Inside);
+                    }
+                    if number < block.id.get()
+                        || u64::from(number) >= context.num_blocks
+                        || numbering.slot(child) != 0
+                    {
+                        return Err(defect("has a child that cannot be"));
+                    }
+                    Ok(if blocks.contains(&number) { Kind::Block } else { Kind::Page })
                 };
+                let shape = Shape([kind(node.left)?, kind(node.right)?]);
+                num_named += shape.outside().filter(|(_, kind)| *kind == Kind::Block).count();
+                let above = self.preorder.next();
+                if above.is_none() != (slot == 0) {
+                    return Err(defect("is not in the place that its block's links give it"));
+                }
+                let parent = match above {
+                    Some(above) => {
+                        let parent = &page.nodes[above.node as usize];
+                        let child =
+                            if above.side == Side::Left { parent.left } else { parent.right };
+                        if child != Some(id)
+                            || node.parent != Some(numbering.node(block.id, above.node - begin))
+                        {
+                            return Err(defect(
+                                "is not in the place that its block's links give it",
+                            ));
+                        }
+                        Some(above.node)
+                    }
+                    None => parent_in_page(page, context, &block)?,
+                };
+                if slot == 0 {
+                    self.is_top.push(parent.is_none());
+                    num_below += usize::from(parent.is_some());
+                }
                 self.references.push(match parent {
                     Some(node) => Reference { node, is_parent: true },
                     None => Reference {
-                        node: std::mem::replace(&mut last_top, first),
+                        node: std::mem::replace(&mut last_top, index),
                         is_parent: false,
                     },
                 });
+                self.shapes.push(shape);
+                self.preorder.step(index, shape);
+            }
+            if self.preorder.next().is_some() {
+                return Err(first("begins a block that lacks a child inside it"));
             }
         }
+        // Each that hangs under a node of the page is named by it; so these are all, or one is named and hangs elsewhere.
+        if num_below != num_named {
+            let id = numbering.node(BlockId::new(page.first_block), 0);
+            return Err(defect_at(id)("begins a page with a child that does not know its parent"));
+        }
+        Ok(())
     }
 
     fn column(&mut self, out: &mut Vec<u8>, values: impl Iterator<Item = u64>) {
@@ -99,41 +180,44 @@ impl PageEncoder {
         self.columns.column(out, &self.values);
     }
 
-    fn shape(&mut self, page: &Page, numbering: Numbering, out: &mut Vec<u8>) {
-        self.column(
-            out,
-            page.blocks()
-                .map(|block| u64::from(block.mask) | u64::from(block.is_leaf) << numbering.slots()),
-        );
+    fn shape(&mut self, out: &mut Vec<u8>) {
+        self.values.clear();
+        self.values.extend(self.shapes.iter().map(|shape| shape.code()));
+        self.columns.column(out, &self.values);
     }
 
-    fn links(&mut self, page: &Page, numbering: Numbering, out: &mut Vec<u8>) {
-        let distance = |id: u32, parent: NodeId| u64::from(id - numbering.block(parent).get());
-        self.column(
-            out,
-            page.blocks()
-                .map(|block| block.parent.map_or(0, |parent| distance(block.id.get(), parent))),
-        );
-        self.column(
-            out,
-            page.blocks().filter_map(|block| {
-                Some(u64::from(numbering.slot(block.parent?) - numbering.lowest_level()))
-            }),
-        );
-        let mut expected = i64::from(page.first_block) + 1;
-        let children = page.blocks().filter(|block| !block.is_leaf).flat_map(|block| {
-            slots_of(block.mask)
-                .filter(|&slot| slot >= numbering.lowest_level())
-                .filter_map(move |slot| block.node(slot))
-                .flat_map(|node| [node.left, node.right])
-        });
+    fn links(&mut self, page: &Page, context: &PageContext, out: &mut Vec<u8>) {
+        let numbering = context.numbering;
+        let shapes = &self.shapes;
+        let children = |wanted: Kind| {
+            let nodes =
+                page.blocks().flat_map(|block| block.nodes.iter().map(move |n| (block.id, n)));
+            nodes.zip(shapes).flat_map(move |((block, node), shape)| {
+                shape.outside().filter(move |&(_, kind)| kind == wanted).filter_map(
+                    move |(side, _)| {
+                        let child = if side == Side::Left { node.left } else { node.right };
+                        Some((block, numbering.block(child?)))
+                    },
+                )
+            })
+        };
         self.values.clear();
-        for child in children {
-            self.values.push(child.map_or(0, |child| {
-                let child = i64::from(numbering.block(child).get());
-                1 + zigzag(child - std::mem::replace(&mut expected, child + 1))
-            }));
-        }
+        self.values.extend(
+            children(Kind::Block).map(|(block, child)| u64::from(child.get() - block.get() - 1)),
+        );
+        self.columns.column(out, &self.values);
+        self.values.clear();
+        let mut expected = i64::from(page.first_block) + page.blocks.len() as i64;
+        self.values.extend(children(Kind::Page).map(|(_, child)| {
+            let child = i64::from(child.get());
+            zigzag(child - std::mem::replace(&mut expected, child + 1))
+        }));
+        self.columns.column(out, &self.values);
+        let first_id = u64::from(numbering.node(page.first_block(), 0).get());
+        self.values.clear();
+        self.values.extend(page.blocks().zip(&self.is_top).filter(|&(_, &is_top)| is_top).map(
+            |(block, _)| block.parent().map_or(0, |parent| first_id - u64::from(parent.get())),
+        ));
         self.columns.column(out, &self.values);
     }
 
@@ -155,20 +239,14 @@ impl PageEncoder {
     }
 
     fn bound(&mut self, page: &Page, out: &mut Vec<u8>, get: impl Fn(&Node) -> f32) {
-        let code = |node: &Node| {
-            bounds::encode_up(f64::from(get(node))).map_or(bounds::MAX_CODE, u64::from)
-        };
+        let code = |node: &Node| u64::from(BoundCodes::exact(get(node)).unwrap_or(BoundCodes::MAX));
         self.column(out, page.nodes.iter().map(code));
     }
 
     fn order(&mut self, page: &Page, context: &PageContext, out: &mut Vec<u8>) {
         self.values.clear();
         for (node, reference) in page.nodes.iter().zip(&self.references) {
-            let above = if reference.is_parent {
-                u64::from(page.nodes[reference.node as usize].order)
-            } else {
-                context.num_nodes
-            };
+            let above = order_above(page, context, *reference);
             self.values.push(above - 1 - u64::from(node.order));
         }
         self.columns.column(out, &self.values);
@@ -177,7 +255,7 @@ impl PageEncoder {
     fn adjacent(&mut self, page: &Page, context: &PageContext, which: usize, out: &mut Vec<u8>) {
         self.values.clear();
         for block in page.blocks() {
-            for (slot, node) in slots_of(block.mask).zip(block.nodes) {
+            for (slot, node) in (0..).zip(block.nodes) {
                 let own = context.names.of_node(context.numbering.node(block.id, slot), 0);
                 self.values.push(
                     node.adjacent[which]
@@ -189,8 +267,79 @@ impl PageEncoder {
     }
 }
 
-fn node_in_page(page: &Page, numbering: Numbering, id: NodeId) -> Option<u32> {
-    let index = numbering.block(id).get().checked_sub(page.first_block)?;
-    let block = page.blocks.get(index as usize)?;
-    Some(block.first_node + Numbering::rank(block.mask, numbering.slot(id))? as u32)
+fn defect_at(node: NodeId) -> impl Fn(&'static str) -> PageDefect + Copy {
+    move |message| PageDefect { node, message }
+}
+
+/// The order that a node's must be below.
+fn order_above(page: &Page, context: &PageContext, reference: Reference) -> u64 {
+    if reference.is_parent {
+        page.nodes[reference.node as usize].order.into()
+    } else {
+        context.num_nodes
+    }
+}
+
+/// The node that a block hangs under, among those of the page, where it names the block as its child; `None` if it is not
+/// in the page.
+fn parent_in_page(
+    page: &Page,
+    context: &PageContext,
+    block: &Block<'_>,
+) -> Result<Option<u32>, PageDefect> {
+    let numbering = context.numbering;
+    let id = numbering.node(block.id, 0);
+    let defect = defect_at(id);
+    let Some(parent) = block.parent() else { return Ok(None) };
+    let above = numbering.block(parent);
+    if above >= block.id {
+        return Err(defect("hangs under a block that does not come before its own"));
+    }
+    let slot = numbering.slot(parent);
+    let Some(index) = above.get().checked_sub(page.first_block) else {
+        return if slot < numbering.slots() {
+            Ok(None)
+        } else {
+            Err(defect("hangs under a node that cannot be"))
+        };
+    };
+    let names_it = page
+        .block(above)
+        .and_then(|above| above.node(slot))
+        .is_some_and(|parent| parent.children().any(|child| child == id));
+    if !names_it {
+        return Err(defect("hangs under a node that does not know it"));
+    }
+    Ok(Some(page.blocks[index as usize] + slot))
+}
+
+/// That all numbers are such as can be written.
+fn check_numbers(
+    page: &Page,
+    context: &PageContext,
+    references: &[Reference],
+) -> Result<(), PageDefect> {
+    let ids = page.blocks().flat_map(|block| {
+        let slots = 0..block.nodes.len() as u32;
+        slots.map(move |slot| context.numbering.node(block.id, slot))
+    });
+    for ((id, node), reference) in ids.zip(&page.nodes).zip(references) {
+        let defect = defect_at(id);
+        if !node.position.is_finite() {
+            return Err(defect("a position that is not finite"));
+        }
+        let bounds = [node.radius, node.cone_sine, node.deviation];
+        if bounds.iter().any(|&bound| BoundCodes::exact(bound).is_none()) || node.cone_sine > 1.0 {
+            return Err(defect("a radius, cone or deviation that no code stands for"));
+        }
+        if u64::from(node.order) >= order_above(page, context, *reference) {
+            return Err(defect("an order that is not below its parent's and the number of nodes"));
+        }
+        for half_edge in node.adjacent.into_iter().flatten() {
+            if context.half_edge(half_edge.get().into()).is_none() {
+                return Err(defect("an adjacent half-edge that cannot be"));
+            }
+        }
+    }
+    Ok(())
 }

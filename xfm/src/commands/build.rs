@@ -9,10 +9,10 @@ use clap::ValueEnum;
 use mergetree::{BuildOptions, Forest};
 use mesh_io::{Format, IndexedMesh};
 use serde::Serialize;
-use xfm_format::{WriteOptions, WriteReport};
+use xfm_format::{Precision, WriteOptions, WriteReport};
 
 use crate::memory::{AnonymousPeak, peak_rss};
-use crate::mesh_file::read_mesh;
+use crate::mesh_file::read_mesh_in_frame;
 use crate::progress::{Progress, Unit};
 use crate::repaired::{self, Repaired};
 use crate::report::ReportTo;
@@ -26,8 +26,8 @@ const BYTES_ALWAYS: u64 = 24 << 20;
 
 /// Build a view-dependent .xfm file from a mesh
 ///
-/// The input is welded and repaired into a manifold first; what that took is reported. Positions are kept bit for bit. The
-/// file appears whole or not at all, and is the same, byte for byte, for any number of threads.
+/// The input is welded and repaired into a manifold first; what that took is reported. Positions are kept bit for bit, those far
+/// from zero about an origin near them, so that they keep their digits. The file appears whole or not at all, and is the same, byte for byte, for any number of threads.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -50,7 +50,7 @@ pub struct BuildArgs {
     /// Anonymous memory that may be used at most, like 512MiB or 4G
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = values::size)]
     memory: u64,
-    /// Levels of a tree that go into one block, 1 to 5
+    /// Size of blocks: up to 2^N - 1 nodes, as many as a tree of N levels has; 1 to 5
     #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u32).range(1..=5))]
     levels: u32,
     /// How numbers are stored
@@ -172,13 +172,15 @@ struct Built {
 }
 
 fn build(args: &BuildArgs) -> Result<Built, Error> {
-    let mesh = read_mesh(&args.input, args.from)?;
+    let (mesh, frame) = read_mesh_in_frame(&args.input, args.from)?;
     let input_triangles = mesh.triangles.len() as u64;
     check_memory(&args.input, input_triangles, args.memory)?;
     let (forest, repaired) = to_forest(&args.input, mesh)?;
     interrupt::check()?;
     let mut options = WriteOptions::default();
     options.levels = args.levels;
+    options.origin = frame.origin;
+    options.precision = if frame.double { Precision::Double } else { Precision::Single };
     let written = xfm_format::write(&forest, &args.output, &options)?;
     Ok(Built {
         input_triangles,

@@ -267,22 +267,16 @@ struct Done {
 impl Done {
     fn warnings(&self, args: &DecimateArgs, output: &Output) -> Vec<String> {
         let step = output.step(self.frame);
-        let rounded = format!("its coordinates are rounded to steps of {}", text::number(step, 3));
         let mut warnings = Vec::new();
         if let Some(most) = args.max_error.filter(|&most| step > most) {
             warnings.push(format!(
-                "{}: {rounded}, more than the largest error asked for, {}; move the mesh nearer to its origin",
+                "{}: its coordinates are rounded to steps of {}, more than the largest error asked for, {}; move the mesh nearer to its origin",
                 output.name(),
+                text::number(step, 3),
                 text::number(most, 3)
             ));
         }
-        if self.frame.double && !output.format.holds_doubles() {
-            warnings.push(format!(
-                "{}: {rounded}, because the format {} holds single precision only; ply and obj keep the input's digits",
-                output.name(),
-                output.format.name()
-            ));
-        }
+        warnings.extend(output.rounding(self.frame));
         warnings
     }
 }

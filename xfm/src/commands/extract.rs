@@ -11,7 +11,8 @@ use mesh_io::{Format, IndexedMesh};
 use serde::Serialize;
 
 use crate::level::{self, Level, Wanted};
-use crate::report::ReportTo;
+use crate::mesh_stream::Output;
+use crate::report::{ReportTo, say};
 use crate::{Error, interrupt, text, values, xfm_file};
 
 /// Extract one level of detail as a plain, welded mesh without seams
@@ -80,6 +81,7 @@ struct ExtractReport {
     output_vertices: u64,
     error: f64,
     seconds: f64,
+    warnings: Vec<String>,
 }
 
 impl fmt::Display for ExtractReport {
@@ -97,7 +99,7 @@ impl fmt::Display for ExtractReport {
 }
 
 impl ExtractArgs {
-    fn wanted(&self) -> Wanted {
+    fn wanted(&self, origin: DVec3) -> Wanted {
         if let Some(faces) = self.faces {
             return Wanted::Faces(faces.get() as usize);
         }
@@ -110,8 +112,8 @@ impl ExtractArgs {
         match (self.pixels, self.eye, self.at) {
             (Some(pixels), Some(eye), Some(at)) => {
                 let camera = Camera {
-                    eye: eye.as_vec3(),
-                    at: at.as_vec3(),
+                    eye: (eye - origin).as_vec3(),
+                    at: (at - origin).as_vec3(),
                     fov_y: self.fov.to_radians() as f32,
                     width: self.size[0],
                     height: self.size[1],
@@ -131,38 +133,39 @@ impl ExtractArgs {
 /// A file that cannot be read or is damaged, and an output that cannot be written.
 pub fn run(args: &ExtractArgs) -> Result<(), Error> {
     let start = Instant::now();
-    let to_pipe = args.output.as_os_str() == "-";
-    let pipe_format = match (to_pipe, args.to) {
-        (false, _) => None,
-        (true, Some(format)) => Some(format),
-        (true, None) => return Err(Error::NoOutputFormat),
-    };
-    let (level, input_triangles) = interrupt::freely(|| -> Result<(Level, u64), Error> {
-        let file = xfm_file::open(&args.file)?;
-        let mut forest = file.read_forest()?;
-        let level = level::extract(&mut forest, &args.wanted(), |_| false)
-            .map_err(|source| Error::Base { file: args.file.clone(), source })?;
-        Ok((level, file.header().input_triangles))
+    let file = interrupt::freely(|| xfm_file::open(&args.file))?;
+    let output = Output::new(&args.output, args.to)?;
+    let frame = xfm_file::frame(file.header());
+    let level = interrupt::freely(|| -> Result<Level, Error> {
+        let wanted = args.wanted(frame.origin);
+        level::extract(&mut file.read_forest()?, &wanted, |_| false)
+            .map_err(|source| Error::Base { file: args.file.clone(), source })
     })?;
     if level.damaged > 0 {
         return Err(Error::DamagedNodes { file: args.file.clone(), nodes: level.damaged as u64 });
     }
     let error = f64::from(level.error);
     let mesh = IndexedMesh { positions: level.positions, triangles: level.triangles };
-    match pipe_format {
-        Some(format) => mesh_io::write_mesh_to(std::io::stdout().lock(), format, &mesh)?,
-        None => mesh_io::write_mesh_as(&args.output, args.to, &mesh)?,
+    match output.write(&mesh, frame) {
+        // Who read the output has seen what they wanted.
+        Err(_) if output.has_no_reader() => return Ok(()),
+        written => written?,
     }
-    let report = ExtractReport {
-        input_triangles,
+    let warnings: Vec<String> = output.rounding(frame).into_iter().collect();
+    let report_to = match (args.json, output.is_pipe()) {
+        (true, true) => ReportTo::ScriptsBesideMesh,
+        (json, _) => ReportTo::new(json),
+    };
+    // Not into the middle of the JSON, which has them too.
+    if report_to != ReportTo::ScriptsBesideMesh {
+        warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    }
+    report_to.deliver(&ExtractReport {
+        input_triangles: file.header().input_triangles,
         output_triangles: mesh.triangles.len() as u64,
         output_vertices: mesh.positions.len() as u64,
         error,
         seconds: start.elapsed().as_secs_f64(),
-    };
-    let report_to = match (args.json, to_pipe) {
-        (true, true) => ReportTo::ScriptsBesideMesh,
-        (json, _) => ReportTo::new(json),
-    };
-    report_to.deliver(&report)
+        warnings,
+    })
 }

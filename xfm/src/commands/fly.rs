@@ -31,7 +31,8 @@ Examples:
   Along a recorded path, the slowest frame for a script
     xfm fly scan.xfm --path walk.txt --frames 1000 --json | jq .frame_s.max
 
-A path is a text file with a pose on each line: eye x y z, at x y z, and optionally up x y z.")]
+A path is a text file with a pose on each line: eye x y z, at x y z, and optionally up x y z, relative to the file's origin
+(see xfm info).")]
 pub struct FlyArgs {
     /// The .xfm file
     #[arg(value_name = "FILE.xfm")]

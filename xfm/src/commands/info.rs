@@ -46,7 +46,11 @@ struct InfoReport {
     file_bytes: u64,
     bytes: BTreeMap<&'static str, u64>,
     attributes: Vec<AttributeReport>,
+    /// In the frame of the input.
     bounds: Bounds,
+    /// Where the file's own origin lies in it.
+    origin: [f64; 3],
+    precision: &'static str,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -60,8 +64,8 @@ struct AttributeReport {
 
 #[derive(Debug, Clone, Serialize)]
 struct Bounds {
-    min: [f32; 3],
-    max: [f32; 3],
+    min: [f64; 3],
+    max: [f64; 3],
 }
 
 impl From<&Attribute> for AttributeReport {
@@ -107,14 +111,24 @@ impl fmt::Display for InfoReport {
         )?;
         writeln!(
             f,
-            "blocks     {} of {} levels, {:.1} % full, in {} pages",
+            "blocks     {} of up to {} nodes, {:.1} % full, in {} pages",
             text::count(self.blocks),
-            self.levels,
+            (1 << self.levels) - 1,
             self.fill * 100.0,
             text::count(self.pages)
         )?;
-        let corner = |corner: [f32; 3]| corner.map(|c| text::number(c.into(), 6)).join(", ");
-        writeln!(f, "bounds     {} to {}", corner(self.bounds.min), corner(self.bounds.max))?;
+        // As many digits as the input's precision needs.
+        let digits = if self.origin == [0.0; 3] { 6 } else { 12 };
+        let point = |point: [f64; 3]| point.map(|c| text::number(c, digits)).join(", ");
+        writeln!(f, "bounds     {} to {}", point(self.bounds.min), point(self.bounds.max))?;
+        if self.origin != [0.0; 3] {
+            writeln!(
+                f,
+                "origin     {}, input in {} precision",
+                point(self.origin),
+                self.precision
+            )?;
+        }
         for attribute in &self.attributes {
             let AttributeReport { name, unit, kind, components } = attribute;
             let unit = if unit.is_empty() { "no unit" } else { unit };
@@ -141,7 +155,8 @@ pub fn run(args: &InfoArgs) -> Result<(), Error> {
         let file = xfm_file::open(&args.file)?;
         let bytes: BTreeMap<_, _> = file.field_bytes()?.iter().collect();
         let header = file.header();
-        let [min, max] = header.bounds.map(|corner| corner.to_array());
+        let frame = xfm_file::frame(header);
+        let [min, max] = header.bounds.map(|corner| frame.to_file(corner).to_array());
         Ok(InfoReport {
             version: header.version,
             encoding: header.encoding.name(),
@@ -159,6 +174,8 @@ pub fn run(args: &InfoArgs) -> Result<(), Error> {
             bytes,
             attributes: header.attributes.iter().map(AttributeReport::from).collect(),
             bounds: Bounds { min, max },
+            origin: header.origin.to_array(),
+            precision: header.precision.name(),
         })
     })?;
     ReportTo::new(args.json).deliver(&report)

@@ -8,7 +8,7 @@ use serde::Serialize;
 use xfm_format::{Numbering, Place, Problem, XfmFile};
 
 use crate::level::{self, Wanted};
-use crate::mesh_file::read_mesh;
+use crate::mesh_file::read_mesh_in_frame;
 use crate::progress::{Progress, Unit};
 use crate::repaired::{self, Repaired};
 use crate::report::ReportTo;
@@ -227,7 +227,13 @@ fn compare(
     from: Option<Format>,
     report: &mut VerifyReport,
 ) -> Result<(), Error> {
-    let mesh = read_mesh(input, from)?;
+    let (mut mesh, frame) = read_mesh_in_frame(input, from)?;
+    let of_file = xfm_file::frame(file.header());
+    if frame.origin != of_file.origin {
+        for position in &mut mesh.positions {
+            *position = of_file.from_file(frame.to_file(*position));
+        }
+    }
     let repaired = halfedge::repair(&mesh.positions, &mesh.triangles)
         .map_err(|source| Error::Repair { file: input.to_owned(), source })?;
     let expected: Vec<[u32; 3]> = repaired
@@ -240,7 +246,7 @@ fn compare(
         .map_err(|source| Error::Base { file: file.path().to_owned(), source })?;
     let found = difference((&repaired.positions, &expected), (&full.positions, &full.triangles));
     if let Some(near) = found.near {
-        let near = near.map(|c| c.to_string()).join(", ");
+        let near = of_file.to_file(near.into()).to_array().map(|c| c.to_string()).join(", ");
         let blocked = match full.damaged {
             0 => String::new(),
             nodes => format!(" ({} nodes could not be split)", text::count(nodes as u64)),

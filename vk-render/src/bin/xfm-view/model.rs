@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use tempfile::TempDir;
-use xfm_format::WriteOptions;
+use xfm_format::{Precision, WriteOptions};
 use xfm_pager::{Pager, Session};
 
 use crate::args::Args;
@@ -47,8 +47,8 @@ fn build(input: &Path, output: &Path) -> Result<(), Error> {
     let reading = |done: u64, total: Option<u64>| {
         bar.set_position(total.map_or(0, |total| 100 * done / total.max(1)));
     };
-    let mesh =
-        mesh_io::read_mesh_with(input, &mesh_io::ReadOptions::default().with_progress(&reading))?;
+    let options = mesh_io::ReadOptions::default().with_progress(&reading);
+    let (mesh, frame) = mesh_io::read_mesh_in_frame(input, &options)?;
     let repaired = halfedge::repair(&mesh.positions, &mesh.triangles)
         .map_err(|source| Error::Repair { path: input.to_owned(), source })?;
     drop(mesh);
@@ -64,7 +64,10 @@ fn build(input: &Path, output: &Path) -> Result<(), Error> {
     )
     .map_err(|source| Error::Build { path: input.to_owned(), source })?;
     bar.set_message("writing");
-    xfm_format::write(&forest, output, &WriteOptions::default())?;
+    let mut options = WriteOptions::default();
+    options.origin = frame.origin;
+    options.precision = if frame.double { Precision::Double } else { Precision::Single };
+    xfm_format::write(&forest, output, &options)?;
     bar.finish_and_clear();
     Ok(())
 }

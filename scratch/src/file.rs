@@ -1,6 +1,6 @@
 //! Scratch files: few and large, and without a name, so that nothing remains of them however a run ends.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -11,23 +11,59 @@ use crate::Error;
 
 /// A folder for scratch files.
 #[derive(Debug, Clone)]
-pub(crate) struct Scratch {
+pub struct Scratch {
     folder: PathBuf,
 }
 
 impl Scratch {
-    pub(crate) fn new(folder: &Path) -> Self {
-        Self { folder: folder.to_owned() }
+    /// Scratch files in this folder, which has to be there.
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
+        Self { folder: folder.into() }
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// A new file, which goes when it is dropped or the process ends.
-    pub(crate) fn file<T: Pod>(&self) -> Result<ScratchFile<T>, Error> {
-        let file = tempfile::tempfile_in(&self.folder).map_err(|error| self.failed(error))?;
+    ///
+    /// # Errors
+    /// When the folder is not there or must not be written to.
+    pub fn file<T: Pod>(&self) -> Result<ScratchFile<T>, Error> {
+        self.wrap(tempfile::tempfile_in(&self.folder))
+    }
+
+    /// A new file with a name, which stays until it is removed, so that a later run can go on with it.
+    ///
+    /// # Errors
+    /// As [`file`](Self::file), and when there is a file of this name.
+    pub fn new_kept_file<T: Pod>(&self, name: &str) -> Result<ScratchFile<T>, Error> {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create_new(true);
+        self.wrap(options.open(self.folder.join(name)))
+    }
+
+    /// The file with a name that an earlier run left.
+    ///
+    /// # Errors
+    /// When it is not there or must not be read.
+    pub fn kept_file<T: Pod>(&self, name: &str) -> Result<ScratchFile<T>, Error> {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true);
+        self.wrap(options.open(self.folder.join(name)))
+    }
+
+    fn wrap<T>(&self, file: io::Result<File>) -> Result<ScratchFile<T>, Error> {
+        let file = file.map_err(|error| self.failed(error))?;
         Ok(ScratchFile { file, cursor: 0, scratch: self.clone(), items: PhantomData })
     }
 
     /// Makes sure, as far as the system tells, that this many bytes are free.
-    pub(crate) fn require(&self, bytes: u64) -> Result<(), Error> {
+    ///
+    /// # Errors
+    /// When they are not.
+    pub fn require(&self, bytes: u64) -> Result<(), Error> {
         match free_bytes(&self.folder) {
             Some(free) if free < bytes => {
                 let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
@@ -38,8 +74,9 @@ impl Scratch {
         }
     }
 
-    fn failed(&self, source: io::Error) -> Error {
-        Error::Scratch { folder: self.folder.display().to_string(), source }
+    /// An error about this folder.
+    pub fn failed(&self, source: io::Error) -> Error {
+        Error { folder: self.folder.clone(), source }
     }
 }
 
@@ -55,9 +92,19 @@ fn free_bytes(_folder: &Path) -> Option<u64> {
     None
 }
 
+/// A hint: where it is refused nothing is lost but time.
+#[cfg(target_os = "linux")]
+fn advise(file: &File, start: u64, bytes: u64) {
+    let advice = rustix::fs::Advice::WillNeed;
+    rustix::fs::fadvise(file, start, std::num::NonZeroU64::new(bytes), advice).ok();
+}
+
+#[cfg(not(target_os = "linux"))]
+fn advise(_file: &File, _start: u64, _bytes: u64) {}
+
 /// A file of items of one kind, by number.
 #[derive(Debug)]
-pub(crate) struct ScratchFile<T> {
+pub struct ScratchFile<T> {
     file: File,
     /// Where the file's own cursor is, in bytes.
     cursor: u64,
@@ -67,14 +114,39 @@ pub(crate) struct ScratchFile<T> {
 
 impl<T: Pod> ScratchFile<T> {
     /// Writes items from number `first` on.
-    pub(crate) fn write(&mut self, first: u64, items: &[T]) -> Result<(), Error> {
+    ///
+    /// # Errors
+    /// When the system refuses, nearly always because the disk is full.
+    pub fn write(&mut self, first: u64, items: &[T]) -> Result<(), Error> {
         self.at(first, size_of_val(items), |file| file.write_all(bytemuck::cast_slice(items)))
     }
 
     /// Reads items from number `first` on, which have to be there.
-    pub(crate) fn read(&mut self, first: u64, items: &mut [T]) -> Result<(), Error> {
+    ///
+    /// # Errors
+    /// When the system refuses or the file ends before.
+    pub fn read(&mut self, first: u64, items: &mut [T]) -> Result<(), Error> {
         let bytes = size_of_val(items);
         self.at(first, bytes, |file| file.read_exact(bytemuck::cast_slice_mut(items)))
+    }
+
+    /// Tells the system, where it listens, that these items will be read soon.
+    pub fn will_read(&self, first: u64, count: usize) {
+        let size = size_of::<T>() as u64;
+        advise(&self.file, first * size, count as u64 * size);
+    }
+
+    /// Waits until all that was written is on the disk.
+    ///
+    /// # Errors
+    /// When the system could not write it.
+    pub fn sync(&self) -> Result<(), Error> {
+        self.file.sync_data().map_err(|error| self.scratch.failed(error))
+    }
+
+    /// The folder it is in.
+    pub fn scratch(&self) -> &Scratch {
+        &self.scratch
     }
 
     /// Does something to the file that moves the cursor by so many bytes from item `first`.
@@ -109,6 +181,7 @@ mod tests {
         file.write(1, &[[1; 3], [2; 3]]).unwrap();
         file.write(4, &[[4; 3]]).unwrap();
         let mut back = [[9; 3]; 5];
+        file.will_read(0, 5);
         file.read(0, &mut back).unwrap();
         assert_eq!(back.map(|item| item[0]), [0, 1, 2, 0, 4]);
         file.read(3, &mut back[..2]).unwrap();
@@ -118,8 +191,24 @@ mod tests {
     }
 
     #[test]
+    fn a_kept_file_is_found_again_and_never_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let scratch = Scratch::new(folder.path());
+        assert!(scratch.kept_file::<u32>("a.log").is_err());
+        let mut file = scratch.new_kept_file::<u32>("a.log").unwrap();
+        file.write(0, &[7, 8]).unwrap();
+        file.sync().unwrap();
+        drop(file);
+        let message = scratch.new_kept_file::<u32>("a.log").unwrap_err().to_string();
+        assert!(message.contains("exists"), "{message}");
+        let mut back = [0; 2];
+        scratch.kept_file("a.log").unwrap().read(0, &mut back).unwrap();
+        assert_eq!(back, [7, 8]);
+    }
+
+    #[test]
     fn errors_name_the_folder() {
-        let scratch = Scratch::new("/no/such/folder".as_ref());
+        let scratch = Scratch::new("/no/such/folder");
         let message = scratch.file::<u8>().unwrap_err().to_string();
         assert!(message.starts_with("scratch file in /no/such/folder: "), "{message}");
         let folder = tempfile::tempdir().unwrap();

@@ -1,0 +1,217 @@
+//! A bucket's nodes, put in their places.
+
+use mergetree::{BoundCodes, Node, NodeId};
+use scratch::{Piece, Store};
+use xfm_format::{BlockId, Numbering, Page};
+
+use crate::Error;
+use crate::bucket::{Above, Bucket, Placed, Side};
+use crate::log::PageSize;
+use crate::names::{NONE, to_option};
+
+/// The nodes of a bucket, page by page, in order of their ids.
+#[derive(Debug, Default)]
+pub(crate) struct Assembled {
+    first_block: u32,
+    pages: Vec<PageSize>,
+    /// Per block where its nodes begin; [`NONE`] until its first one has come.
+    starts: Vec<u32>,
+    nodes: Vec<Node>,
+}
+
+/// How far a page is while nodes come.
+#[derive(Clone, Copy, Debug)]
+struct Cursor {
+    next_block: u32,
+    end_block: u32,
+    next_node: u32,
+    end_node: u32,
+}
+
+/// Stands in a place that no node has come for.
+const VACANT: Node = Node { order: NONE, ..Node::BLANK };
+
+/// Takes nodes as they come, in the order of the log's end: parents before children, and so the blocks of a page in order of
+/// their numbers.
+struct Assembler<'a> {
+    numbering: Numbering,
+    into: &'a mut Assembled,
+    /// Per page.
+    cursors: Vec<Cursor>,
+    /// Per block.
+    page_of: Vec<u32>,
+    placed: u64,
+}
+
+impl Assembled {
+    /// Puts all of a bucket in its places, in memory that is used again from one bucket to the next.
+    pub fn fill(
+        &mut self,
+        store: &mut Store,
+        bucket: Bucket,
+        numbering: Numbering,
+    ) -> Result<(), Error> {
+        let Bucket { nodes: mut spool, first_block, pages, num_nodes, num_blocks } = bucket;
+        self.first_block = first_block;
+        self.pages = pages;
+        self.starts.clear();
+        self.starts.resize(num_blocks as usize, NONE);
+        self.nodes.clear();
+        self.nodes.resize(num_nodes as usize, VACANT);
+        let mut assembler = Assembler::new(self, numbering);
+        let mut piece = Piece::default();
+        while spool.take_first(store, &mut piece)? {
+            for placed in piece.items() {
+                assembler
+                    .take(placed)
+                    .map_err(|what| Error::Damaged { order: placed.order.into(), what })?;
+            }
+        }
+        piece.clear(store);
+        if assembler.placed != u64::from(num_nodes) {
+            return Err(Error::Damaged { order: 0, what: "nodes that did not come" });
+        }
+        Ok(())
+    }
+
+    /// Number of nodes.
+    pub fn num_nodes(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Makes pages of all that is there, a few at a time.
+    pub fn each_pages(
+        &self,
+        pages: &mut Vec<Page>,
+        mut act: impl FnMut(&[Page]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut block = 0;
+        let mut end_node = 0;
+        for sizes in self.pages.chunks(PAGES_AT_ONCE) {
+            pages.resize_with(sizes.len().max(pages.len()), Page::new);
+            for (page, size) in pages.iter_mut().zip(sizes) {
+                page.restart_at(BlockId::new(self.first_block + block as u32));
+                let end_block = block + size.blocks as usize;
+                end_node += size.nodes as usize;
+                for index in block..end_block {
+                    let start = self.starts[index] as usize;
+                    let end = match self.starts.get(index + 1) {
+                        Some(&next) if index + 1 < end_block => next as usize,
+                        _ => end_node,
+                    };
+                    page.push_block(&self.nodes[start..end]);
+                }
+                block = end_block;
+            }
+            act(&pages[..sizes.len()])?;
+        }
+        Ok(())
+    }
+}
+
+/// Pages that are handed on at once; what the plan of the memory counts with.
+pub(crate) const PAGES_AT_ONCE: usize = 64;
+
+impl<'a> Assembler<'a> {
+    fn new(into: &'a mut Assembled, numbering: Numbering) -> Self {
+        let mut cursors = Vec::with_capacity(into.pages.len());
+        let mut page_of = Vec::with_capacity(into.starts.len());
+        let (mut block, mut node) = (0, 0);
+        for size in &into.pages {
+            page_of.extend((0..size.blocks).map(|_| cursors.len() as u32));
+            let (end_block, end_node) = (block + size.blocks, node + size.nodes);
+            cursors.push(Cursor { next_block: block, end_block, next_node: node, end_node });
+            (block, node) = (end_block, end_node);
+        }
+        Self { numbering, into, cursors, page_of, placed: 0 }
+    }
+
+    fn take(&mut self, placed: &Placed) -> Result<(), &'static str> {
+        let id = NodeId::new(placed.id);
+        let above = placed.above.unpack().ok_or("a node under nothing")?;
+        if placed.is_link() {
+            return self.link(id, above);
+        }
+        let slot = self.numbering.slot(id);
+        if slot == 0 {
+            self.begin_block(id, placed)?;
+        }
+        let place = self.place(id).ok_or("a node before its block")?;
+        let [left, right] = placed.inside.map(u32::from);
+        let child = |nodes: u32, id: u32| (nodes > 0).then(|| NodeId::new(id));
+        let [radius, cone_sine, deviation] = placed.codes.map(BoundCodes::decode);
+        let node = &mut self.into.nodes[place];
+        if node.order != NONE {
+            return Err("two nodes in one place");
+        }
+        *node = Node {
+            position: placed.position.into(),
+            normal: placed.normal,
+            radius,
+            cone_sine,
+            deviation,
+            order: placed.order,
+            adjacent: placed.adjacent.map(to_option),
+            left: child(left, placed.id + 1),
+            right: child(right, placed.id + 1 + left),
+            parent: match above {
+                Above::Root(_) => None,
+                Above::Node(parent, _) => Some(parent),
+            },
+            slot: None,
+        };
+        self.placed += 1;
+        if slot == 0 { self.link(id, above) } else { Ok(()) }
+    }
+
+    /// The first node of a block says how many there are.
+    fn begin_block(&mut self, id: NodeId, placed: &Placed) -> Result<(), &'static str> {
+        let block = self.index(id).ok_or("a node in another's bucket")?;
+        let page = self.page_of.get(block).ok_or("a node in another's bucket")?;
+        let cursor = &mut self.cursors[*page as usize];
+        let nodes = 1 + placed.inside.iter().copied().map(u32::from).sum::<u32>();
+        let end = cursor.next_node + nodes;
+        if cursor.next_block as usize != block || end > cursor.end_node {
+            return Err("a block that is not the next one of its page");
+        }
+        self.into.starts[block] = cursor.next_node;
+        cursor.next_block += 1;
+        cursor.next_node = end;
+        if (cursor.next_block == cursor.end_block) != (end == cursor.end_node) {
+            return Err("a page with other blocks than were counted");
+        }
+        Ok(())
+    }
+
+    /// Tells a node of its child that begins a block, where the node is in this bucket.
+    fn link(&mut self, child: NodeId, above: Above) -> Result<(), &'static str> {
+        let Above::Node(parent, side) = above else { return Ok(()) };
+        if self.index(parent).is_none_or(|block| block >= self.into.starts.len()) {
+            return Ok(());
+        }
+        let place = self.place(parent).ok_or("a child before its parent")?;
+        let node = &mut self.into.nodes[place];
+        let link = match side {
+            Side::Left => &mut node.left,
+            Side::Right => &mut node.right,
+        };
+        if node.order == NONE || link.is_some() {
+            return Err("a child too many");
+        }
+        *link = Some(child);
+        Ok(())
+    }
+
+    /// The place of a node's block among those of the bucket.
+    fn index(&self, id: NodeId) -> Option<usize> {
+        let block = self.numbering.block(id).get();
+        block.checked_sub(self.into.first_block).map(|block| block as usize)
+    }
+
+    /// The place of a node among those of the bucket, if its block has begun.
+    fn place(&self, id: NodeId) -> Option<usize> {
+        let start = *self.into.starts.get(self.index(id)?)?;
+        let place = start.checked_add(self.numbering.slot(id)).filter(|_| start != NONE)? as usize;
+        (place < self.into.nodes.len()).then_some(place)
+    }
+}

@@ -1,0 +1,263 @@
+//! The whole line: from the one who collapses to the file.
+
+use std::fmt;
+use std::path::Path;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+use mergetree::{CollapseRecord, OctNormal};
+use scratch::Scratch;
+use xfm_format::WriteReport;
+
+use crate::Error;
+use crate::kept::Keep;
+use crate::link::{LinkOptions, Linked, Linker};
+use crate::names::CoarseMesh;
+use crate::number::NumberOptions;
+use crate::progress::Observer;
+
+/// How a file is built.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct BuildOptions {
+    /// While collapses come: the memory that the linker may take beside the one who collapses, the names, and the file.
+    pub link: LinkOptions,
+    /// After that: memory that may be taken in all.
+    pub number: NumberOptions,
+    /// Collapses that are expected, so that there is room for them on the disk; `None` where nobody knows. Default `None`.
+    pub expected_nodes: Option<u64>,
+    /// Where the log is kept for a later run. Default `None`.
+    pub keep: Option<Keep>,
+}
+
+impl BuildOptions {
+    /// The defaults with these options for linking.
+    pub fn new(link: LinkOptions) -> Self {
+        Self { link, number: NumberOptions::default(), expected_nodes: None, keep: None }
+    }
+}
+
+/// What was built, and what it took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct BuildReport {
+    /// What was written.
+    pub written: WriteReport,
+    /// Number of nodes: of collapses.
+    pub nodes: u64,
+    /// Triangles of the input.
+    pub input_triangles: u64,
+    /// Triangles of the coarsest mesh.
+    pub base_triangles: u64,
+    /// Scratch space at most, in bytes.
+    pub scratch_bytes: u64,
+    /// Time until all was collapsed and linked; zero where an earlier run had done that.
+    pub collapse: Duration,
+    /// Time for numbering.
+    pub number: Duration,
+    /// Time for writing.
+    pub write: Duration,
+}
+
+impl fmt::Display for BuildReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { nodes, base_triangles, written, .. } = self;
+        let [collapse, number, write] =
+            [self.collapse, self.number, self.write].map(|time| time.as_secs_f64());
+        write!(
+            f,
+            "{nodes} nodes over {base_triangles} triangles, {} levels deep, {} bytes; \
+             collapsed in {collapse:.1} s, numbered in {number:.1} s, written in {write:.1} s",
+            written.tree_depth, written.file_bytes
+        )
+    }
+}
+
+/// A collapse with position and normal of the vertex that it removes.
+type Collapsed = (CollapseRecord, Vec3, OctNormal);
+
+/// Collapses that go to the linker's thread at once.
+const BATCH: usize = 1024;
+/// Batches that may wait for it.
+const WAITING: usize = 4;
+
+/// Where collapses go, in order; see [`build_from`].
+#[derive(Debug)]
+pub struct Feed {
+    batch: Vec<Collapsed>,
+    linker: SyncSender<Vec<Collapsed>>,
+    used: Receiver<Vec<Collapsed>>,
+}
+
+impl Feed {
+    /// Takes the next collapse, with position and normal of the vertex that it removes.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`]: the linker has failed, there is no use in going on; [`build_from`] will tell why.
+    #[inline]
+    pub fn push(
+        &mut self,
+        record: &CollapseRecord,
+        position: Vec3,
+        normal: OctNormal,
+    ) -> Result<(), Error> {
+        self.batch.push((*record, position, normal));
+        if self.batch.len() < BATCH { Ok(()) } else { self.flush() }
+    }
+
+    fn flush(&mut self) -> Result<(), Error> {
+        let next = self.used.try_recv().unwrap_or_else(|_| Vec::with_capacity(BATCH));
+        self.linker.send(std::mem::replace(&mut self.batch, next)).map_err(|_| Error::Stopped)
+    }
+}
+
+/// Builds a file of the collapses that `collapse` gives, in memory that does not grow with their number.
+///
+/// `collapse` runs on this thread and feeds the linker, which runs on one of its own; in the end it returns the coarsest
+/// mesh. Memory it takes by itself is its own affair, and is assumed to be free when it returns.
+///
+/// # Errors
+/// Those of `collapse`, those of [`Linker`], [`Linked::number`] and [`write`](crate::Numbered::write), turned into those of
+/// `collapse`.
+///
+/// # Examples
+/// ```
+/// # use glam::Vec3;
+/// # use halfedge::{HalfEdgeMesh, VertexId};
+/// # use mergetree::{CollapseRecord, OctNormal, StarBounds};
+/// # use scratch::Scratch;
+/// # use std::ops::ControlFlow;
+/// # use xfm_build::{BuildOptions, CoarseFace, CoarseMesh, CoarseVertex, Error, LinkOptions, NameBounds};
+/// # let folder = tempfile::tempdir()?;
+/// # let (folder, path) = (folder.path(), folder.path().join("octahedron.xfm"));
+/// // An octahedron, of which one vertex is collapsed.
+/// let triangles =
+///     [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [5, 2, 1], [5, 3, 2], [5, 4, 3], [5, 1, 4]];
+/// let positions = [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
+/// let normal = |v: VertexId| OctNormal::new(positions[v.index()]);
+/// let mut mesh = HalfEdgeMesh::from_triangles(6, &triangles)?;
+///
+/// let options = BuildOptions::new(LinkOptions::new(NameBounds { vertices: 6, faces: 8 }));
+/// let report = xfm_build::build_from(
+///     |feed| {
+///         let h = mesh.outgoing(VertexId::new(0)).next().unwrap();
+///         let collapse = mesh.check_collapse(h)?;
+///         mesh.apply(&collapse);
+///         let (record, v) = (CollapseRecord::new(&collapse, StarBounds::default()), collapse.removed);
+///         feed.push(&record, positions[v.index()], normal(v))?;
+///         let vertex =
+///             |name: VertexId| CoarseVertex { name, position: positions[name.index()], normal: normal(name) };
+///         let face = |name| Some(CoarseFace { name, corners: mesh.corners(name)? });
+///         Ok::<_, Box<dyn std::error::Error>>(CoarseMesh {
+///             vertices: mesh.vertices().map(vertex).collect(),
+///             faces: mesh.faces().filter_map(face).collect(),
+///         })
+///     },
+///     &path,
+///     &Scratch::new(folder),
+///     &options,
+///     &mut |_| ControlFlow::Continue(()),
+/// )?;
+/// assert_eq!((report.nodes, report.input_triangles, report.base_triangles), (1, 8, 6));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn build_from<E: From<Error>>(
+    collapse: impl FnOnce(&mut Feed) -> Result<CoarseMesh, E>,
+    path: impl AsRef<Path>,
+    scratch: &Scratch,
+    options: &BuildOptions,
+    observer: &mut Observer<'_>,
+) -> Result<BuildReport, E> {
+    let start = Instant::now();
+    let linker = match &options.keep {
+        Some(keep) => Linker::new_kept(scratch, &options.link, keep),
+        None => Linker::new(scratch, &options.link),
+    }?;
+    if let Some(nodes) = options.expected_nodes {
+        linker.require(nodes)?;
+    }
+    let linked = link_from(collapse, linker)?;
+    let collapse = start.elapsed();
+    let report = finish(linked, path, &options.number, observer)?;
+    Ok(BuildReport { collapse, ..report })
+}
+
+/// Numbers and writes what an earlier run has linked; `None` where there is nothing of it in the scratch folder.
+///
+/// # Errors
+/// Those of [`Linked::resume`], [`Linked::number`] and [`write`](crate::Numbered::write).
+pub fn resume(
+    path: impl AsRef<Path>,
+    scratch: &Scratch,
+    options: &BuildOptions,
+    observer: &mut Observer<'_>,
+) -> Result<Option<BuildReport>, Error> {
+    let Some(keep) = &options.keep else { return Ok(None) };
+    match Linked::resume(scratch, keep, &options.link.write)? {
+        Some(linked) => finish(linked, path, &options.number, observer).map(Some),
+        None => Ok(None),
+    }
+}
+
+fn finish(
+    linked: Linked,
+    path: impl AsRef<Path>,
+    options: &NumberOptions,
+    observer: &mut Observer<'_>,
+) -> Result<BuildReport, Error> {
+    let start = Instant::now();
+    let (nodes, base_triangles) = (linked.num_nodes(), linked.num_base_faces());
+    let numbered = linked.number(options, observer)?;
+    let (number, scratch_bytes) = (start.elapsed(), numbered.scratch_bytes());
+    let input_triangles = numbered.totals().input_triangles;
+    let start = Instant::now();
+    let written = numbered.write(path, observer)?;
+    Ok(BuildReport {
+        written,
+        nodes,
+        input_triangles,
+        base_triangles,
+        scratch_bytes,
+        collapse: Duration::ZERO,
+        number,
+        write: start.elapsed(),
+    })
+}
+
+/// Runs the one who collapses here and the linker beside.
+fn link_from<E: From<Error>>(
+    collapse: impl FnOnce(&mut Feed) -> Result<CoarseMesh, E>,
+    mut linker: Linker,
+) -> Result<Linked, E> {
+    let (sender, batches) = sync_channel::<Vec<Collapsed>>(WAITING);
+    let (give_back, used) = sync_channel(WAITING);
+    let link = move || -> Result<Linker, Error> {
+        for mut batch in batches {
+            for (record, position, normal) in batch.drain(..) {
+                linker.push(&record, position, normal)?;
+            }
+            // Where there are enough of them already it is dropped.
+            give_back.try_send(batch).ok();
+        }
+        Ok(linker)
+    };
+    thread::scope(|scope| {
+        let worker = thread::Builder::new().name("link".to_owned());
+        let worker = worker.spawn_scoped(scope, link).map_err(Error::Thread)?;
+        let mut feed = Feed { batch: Vec::with_capacity(BATCH), linker: sender, used };
+        let collapsed = collapse(&mut feed);
+        let all_sent = feed.flush();
+        drop(feed);
+        let linker = match worker.join() {
+            Ok(linker) => linker,
+            Err(panic) => std::panic::resume_unwind(panic),
+        };
+        // When the linker has failed, the one who collapses could not but fail too.
+        let linker = linker?;
+        let coarse = collapsed?;
+        debug_assert!(all_sent.is_ok(), "only a linker that has failed takes nothing");
+        Ok(linker.finish(&coarse)?)
+    })
+}

@@ -1,0 +1,385 @@
+//! Forwards: every collapse becomes an entry of a log, with its bounds and its place among the pieces that trees are cut
+//! into.
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+use mergetree::{
+    BoundCodes, Bounded, CollapseRecord, Cut, CutRule, HalfEdgeNames, Node, OctNormal, OpenPiece,
+};
+use scratch::{Scratch, Spool, Store, StoreOptions};
+use xfm_format::{Numbering, WriteOptions};
+
+use crate::coarse::{Coarse, close};
+use crate::kept::{Keep, Kept};
+use crate::log::{LogEntry, LoggedChild, PageSize};
+use crate::names::{CoarseMesh, MAX_VERTEX, NONE, NameBounds, from_option};
+use crate::plan::{self, LinkPlan};
+use crate::{Error, RecordProblem};
+
+/// How collapses are linked.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct LinkOptions {
+    /// How large names can be.
+    pub names: NameBounds,
+    /// Memory that the linker may take, its tables included, in bytes. Default 256 MiB.
+    ///
+    /// The tables take 36 bytes for each name of a vertex and an eighth for each of a face. A quarter of the rest is kept for
+    /// what grows slowly with the number of collapses, and for the coarsest mesh; in what is left lies the log, as much of it
+    /// as fits. With 64 MiB beside the tables there is room for 60 million collapses, with 256 MiB for as many as a file can
+    /// have.
+    pub memory_bytes: u64,
+    /// The file to be written.
+    pub write: WriteOptions,
+}
+
+impl LinkOptions {
+    /// Bytes of memory that linking takes at least.
+    pub fn least_memory_bytes(&self) -> u64 {
+        LinkPlan::least(self.names, plan::LEAST_CHUNK_BYTES)
+    }
+
+    /// The defaults for names below these.
+    pub fn new(names: NameBounds) -> Self {
+        Self { names, memory_bytes: 256 << 20, write: WriteOptions::default() }
+    }
+}
+
+/// The tree under a vertex, as far as its next collapse has to know it.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Top {
+    position: [f32; 3],
+    normal: OctNormal,
+    /// Which collapse it is.
+    pub order: u32,
+    codes: [u16; 3],
+    /// Nodes and blocks of its page, as far as it reaches down, minus one each.
+    page_nodes: u16,
+    page_blocks: u16,
+    /// Nodes of its block, as far as it reaches down; 0 where there is no tree.
+    block_nodes: u8,
+    zero: u8,
+}
+
+const _: () = assert!(size_of::<Top>() == plan::TOP_BYTES as usize);
+
+impl Top {
+    fn new(node: &Node, codes: BoundCodes, piece: OpenPiece) -> Self {
+        Self {
+            position: node.position.to_array(),
+            normal: node.normal,
+            order: node.order,
+            codes: [codes.radius, codes.cone_sine, codes.deviation],
+            page_nodes: (piece.page_nodes - 1) as u16,
+            page_blocks: (piece.page_blocks - 1) as u16,
+            block_nodes: piece.block_nodes,
+            zero: 0,
+        }
+    }
+
+    /// The pieces its root is in; `None` where there is no tree.
+    pub fn piece(&self) -> Option<OpenPiece> {
+        (self.block_nodes > 0).then(|| OpenPiece {
+            block_nodes: self.block_nodes,
+            page_nodes: u32::from(self.page_nodes) + 1,
+            page_blocks: u32::from(self.page_blocks) + 1,
+        })
+    }
+
+    fn bounded(&self) -> Bounded {
+        let [radius, cone_sine, deviation] = self.codes;
+        Bounded {
+            position: self.position.into(),
+            normal: self.normal,
+            codes: BoundCodes { radius, cone_sine, deviation },
+        }
+    }
+}
+
+/// What has been counted of a sequence of collapses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Counts {
+    pub nodes: u64,
+    /// Blocks and pages that have an end above.
+    pub blocks: u64,
+    pub pages: u64,
+    /// Faces that the nodes bring.
+    pub faces: u64,
+    pub min: Vec3,
+    pub max: Vec3,
+}
+
+impl Counts {
+    fn new() -> Self {
+        Self {
+            nodes: 0,
+            blocks: 0,
+            pages: 0,
+            faces: 0,
+            min: Vec3::INFINITY,
+            max: Vec3::NEG_INFINITY,
+        }
+    }
+
+    /// The box of all positions; zeros where there are none.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        if self.min.cmple(self.max).all() { [self.min, self.max] } else { [Vec3::ZERO; 2] }
+    }
+
+    pub fn add_position(&mut self, position: Vec3) {
+        self.min = self.min.min(position);
+        self.max = self.max.max(position);
+    }
+}
+
+/// Links collapses into trees as they come, and writes a log of them.
+///
+/// Of every vertex that is there the linker knows the top of its tree: where it is, its bounds, and how much of it lies in
+/// the same block and page; that is all that the next collapse into it, or of it, needs.
+///
+/// # Complexity
+/// Time: constant per collapse. Memory: as [`LinkOptions::memory_bytes`] says. Scratch space: 56 bytes per collapse beyond
+/// what fits into that memory.
+#[derive(Debug)]
+pub struct Linker {
+    scratch: Scratch,
+    write: WriteOptions,
+    rule: CutRule,
+    numbering: Numbering,
+    names: NameBounds,
+    tops: Vec<Top>,
+    store: Store,
+    log: Spool<LogEntry>,
+    sizes: Spool<PageSize>,
+    counts: Counts,
+    /// More blocks than these cannot be named, whatever the coarsest mesh.
+    max_blocks: u64,
+    /// More nodes than these are only just possible, or not any more.
+    max_nodes: u64,
+    plan: LinkPlan,
+    kept: Option<Kept>,
+}
+
+impl Linker {
+    /// A linker with its scratch file in this folder.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when the tables do not fit into the memory allowed; [`Error::Format`] when an option of the file is
+    /// out of its range.
+    pub fn new(scratch: &Scratch, options: &LinkOptions) -> Result<Self, Error> {
+        let plan = LinkPlan::new(options)?;
+        let mut store_options = StoreOptions::default();
+        store_options.chunk_bytes = plan.chunk_bytes;
+        store_options.memory_bytes = plan.held;
+        Ok(Self::with_store(scratch, Store::new(scratch, &store_options), options, plan))
+    }
+
+    /// A linker with a log that stays when it is whole, until the file is there, so that a later run can go on with it
+    /// ([`Linked::resume`]). None of the log lies in memory.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and when there is such a log already: then either go on with it or [remove](Keep::remove) it.
+    pub fn new_kept(scratch: &Scratch, options: &LinkOptions, keep: &Keep) -> Result<Self, Error> {
+        let plan = LinkPlan::new(options)?;
+        let store = Store::new_kept(scratch, &keep.log_name(), plan.chunk_bytes)?;
+        let mut linker = Self::with_store(scratch, store, options, plan);
+        linker.kept = Some(Kept::new(scratch, keep));
+        Ok(linker)
+    }
+
+    /// Makes sure, as far as the system tells, that the disk has room for so many collapses.
+    ///
+    /// # Errors
+    /// [`Error::Scratch`] when it does not.
+    pub fn require(&self, nodes: u64) -> Result<(), Error> {
+        Ok(self.scratch.require(self.plan.scratch_bytes(nodes, self.kept.is_some()))?)
+    }
+
+    fn with_store(scratch: &Scratch, store: Store, options: &LinkOptions, plan: LinkPlan) -> Self {
+        let numbering = Numbering::new(options.write.levels);
+        Self {
+            scratch: scratch.clone(),
+            write: options.write.clone(),
+            rule: plan::cut_rule(&options.write),
+            numbering,
+            names: options.names,
+            tops: vec![Top::zeroed(); options.names.vertices as usize],
+            log: Spool::new(&store),
+            sizes: Spool::new(&store),
+            store,
+            counts: Counts::new(),
+            max_blocks: plan::max_blocks(HalfEdgeNames::new(0), numbering),
+            max_nodes: plan.max_nodes(),
+            plan,
+            kept: None,
+        }
+    }
+
+    /// Number of collapses so far.
+    pub fn num_nodes(&self) -> u64 {
+        self.counts.nodes
+    }
+
+    /// Scratch space taken so far, in bytes.
+    pub fn scratch_bytes(&self) -> u64 {
+        self.store.peak_file_bytes()
+    }
+
+    /// Takes the next collapse, with position and normal of the vertex that it removes.
+    ///
+    /// # Errors
+    /// [`Error::Record`] when the collapse by itself is none; [`Error::TooLarge`] after too many, and [`Error::Memory`] after
+    /// too many for the memory; [`Error::Scratch`].
+    /// After an error the linker is of no use any more.
+    pub fn push(
+        &mut self,
+        record: &CollapseRecord,
+        position: Vec3,
+        normal: OctNormal,
+    ) -> Result<(), Error> {
+        let order = self.counts.nodes;
+        if order >= self.max_nodes {
+            self.plan.check(order + 1, 0, 0)?;
+        }
+        let wrong = |problem| Error::Record { order, problem };
+        check_record(record, self.names).map_err(wrong)?;
+        if !position.is_finite() {
+            return Err(wrong(RecordProblem::NotFinite));
+        }
+        let [v, u] = [record.removed.index(), record.kept.index()];
+        let below = [self.tops[v], self.tops[u]];
+        let pieces = below.each_ref().map(Top::piece);
+        let node = Node {
+            position,
+            normal,
+            radius: record.star.radius,
+            cone_sine: record.star.cone_sine(),
+            deviation: record.star.deviation,
+            order: order as u32,
+            ..Node::BLANK
+        };
+        let children = below.iter().zip(&pieces).filter(|(_, piece)| piece.is_some());
+        let codes = BoundCodes::enclosing(&node, children.map(|(top, _)| top.bounded()))
+            .ok_or_else(|| wrong(RecordProblem::NotFinite))?;
+        let [left, right] = pieces;
+        let (piece, cuts) = self.rule.join(left, right);
+        let child = |i: usize| {
+            let block_nodes = pieces[i]?.block_nodes;
+            Some(LoggedChild { block_nodes, cut: cuts[i] })
+        };
+        let entry = LogEntry::new(record, position, normal, codes, [child(0), child(1)]);
+        self.log.push(&mut self.store, &entry)?;
+        for (piece, cut) in pieces.into_iter().zip(cuts) {
+            if let Some(piece) = piece {
+                self.cut(piece, cut)?;
+            }
+        }
+        self.tops[v] = Top::zeroed();
+        self.tops[u] = Top::new(&node, codes, piece);
+        self.counts.nodes += 1;
+        self.counts.faces += 1 + u64::from(record.reverse.is_some());
+        self.counts.add_position(position);
+        Ok(())
+    }
+
+    fn cut(&mut self, piece: OpenPiece, cut: Cut) -> Result<(), Error> {
+        if cut == Cut::None {
+            return Ok(());
+        }
+        self.counts.blocks += 1;
+        if self.counts.blocks >= self.max_blocks {
+            return Err(Error::TooLarge { nodes: self.counts.nodes, max: self.max_blocks });
+        }
+        if cut == Cut::Page {
+            self.counts.pages += 1;
+            self.sizes.push(&mut self.store, &piece.into())?;
+        }
+        Ok(())
+    }
+
+    /// Ends the sequence with the mesh that is left.
+    ///
+    /// # Errors
+    /// [`Error::Coarse`] when it cannot be what is left; [`Error::TooLarge`]; where the log is kept also [`Error::Scratch`]
+    /// and [`Error::State`].
+    pub fn finish(mut self, mesh: &CoarseMesh) -> Result<Linked, Error> {
+        self.plan.check(self.counts.nodes, mesh.vertices.len(), mesh.faces.len())?;
+        let coarse = close(mesh, self.names, &mut self.tops, self.rule)?;
+        for vertex in &mesh.vertices {
+            self.counts.add_position(vertex.position);
+        }
+        let names = HalfEdgeNames::new(mesh.faces.len());
+        let max = plan::max_blocks(names, self.numbering);
+        self.counts.blocks += coarse.roots.len() as u64;
+        self.counts.pages += coarse.root_pages.len() as u64;
+        if self.counts.blocks > max {
+            return Err(Error::TooLarge { nodes: self.counts.nodes, max });
+        }
+        let mut linked = Linked {
+            scratch: self.scratch,
+            write: self.write,
+            names: self.names,
+            store: self.store,
+            log: self.log,
+            sizes: self.sizes,
+            counts: self.counts,
+            coarse,
+            kept: None,
+        };
+        if let Some(mut kept) = self.kept {
+            kept.save(&mut linked)?;
+            linked.kept = Some(kept);
+        }
+        Ok(linked)
+    }
+}
+
+/// That a collapse is one, as far as can be seen without its surroundings.
+fn check_record(record: &CollapseRecord, names: NameBounds) -> Result<(), RecordProblem> {
+    let is_vertex = |v: halfedge::VertexId| v.get() < names.vertices && v.get() <= MAX_VERTEX;
+    let limit = 3 * u64::from(names.faces);
+    let is_half_edge = |h: u32| h == NONE || u64::from(h) < limit;
+    let half_edges = record.adjacent.iter().copied().chain([record.reverse]).map(from_option);
+    if !(is_vertex(record.removed)
+        && is_vertex(record.kept)
+        && u64::from(record.half_edge.get()) < limit
+        && half_edges.fold(true, |all, h| all & is_half_edge(h)))
+    {
+        return Err(RecordProblem::Name);
+    }
+    if record.removed == record.kept {
+        return Err(RecordProblem::Same);
+    }
+    if record.reverse.is_some() != record.adjacent[2].is_some() {
+        return Err(RecordProblem::SecondFace);
+    }
+    Ok(())
+}
+
+/// A sequence of collapses with its end: what can be numbered and written to a file.
+#[derive(Debug)]
+pub struct Linked {
+    pub(crate) scratch: Scratch,
+    pub(crate) write: WriteOptions,
+    pub(crate) names: NameBounds,
+    pub(crate) store: Store,
+    pub(crate) log: Spool<LogEntry>,
+    pub(crate) sizes: Spool<PageSize>,
+    pub(crate) counts: Counts,
+    pub(crate) coarse: Coarse,
+    /// Where the log has a name.
+    pub(crate) kept: Option<Kept>,
+}
+
+impl Linked {
+    /// Number of collapses.
+    pub fn num_nodes(&self) -> u64 {
+        self.counts.nodes
+    }
+
+    /// Number of faces of the coarsest mesh.
+    pub fn num_base_faces(&self) -> u64 {
+        self.coarse.base.faces.len() as u64
+    }
+}

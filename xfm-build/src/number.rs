@@ -1,0 +1,455 @@
+//! Backwards: from the last collapse to the first every node gets its page, block and slot, and every half-edge its name.
+
+use halfedge::HalfEdgeId;
+use mergetree::{Cut, HalfEdgeNames, NodeId};
+use scratch::{Piece, Spool, Store, StoreOptions};
+use xfm_format::{Numbering, Totals, WriteOptions};
+
+use crate::bucket::{Above, Buckets, PackedAbove, Placed, Side};
+use crate::coarse::Coarse;
+use crate::kept::Kept;
+use crate::link::Linked;
+use crate::log::{LogEntry, LoggedChild, PageSize};
+use crate::names::NONE;
+use crate::plan::{NumberLoad, NumberPlan};
+use crate::progress::{Observer, Stage};
+use crate::{Error, RecordProblem};
+
+/// How nodes are numbered, and written after.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct NumberOptions {
+    /// Memory that may be taken from now on, with what is held of the log, in bytes. Default 256 MiB.
+    pub memory_bytes: u64,
+}
+
+impl Default for NumberOptions {
+    fn default() -> Self {
+        Self { memory_bytes: 256 << 20 }
+    }
+}
+
+/// What a vertex, seen from the end, waits for: the next collapse into it is this node.
+#[derive(Clone, Copy, Debug)]
+struct Expected {
+    above: PackedAbove,
+    /// The id of the node; [`NONE`] when it begins a block, of which the number is not known yet.
+    id: u32,
+    /// Which of the open pages it is in; [`NONE`] when nothing is waited for.
+    page: u32,
+    /// Levels of the tree down to the node.
+    depth: u32,
+}
+
+const NOTHING: Expected = Expected { above: PackedAbove::NOTHING, id: NONE, page: NONE, depth: 0 };
+
+/// A page of which nodes are still to come.
+#[derive(Clone, Copy, Debug)]
+struct OpenPage {
+    /// The number of the next block of it that begins; [`NONE`] before the first one.
+    next_block: u32,
+    /// Blocks and nodes to come.
+    blocks: u32,
+    nodes: u32,
+    /// The bucket it is in; before its first block that of the node which it hangs under, if there is one.
+    bucket: u32,
+}
+
+/// Where a node goes.
+struct At {
+    id: NodeId,
+    page: u32,
+    /// Whether it is the last one of its page.
+    is_last: bool,
+    bucket: u32,
+    depth: u32,
+}
+
+/// Gives numbers, the last collapse first.
+#[derive(Debug)]
+struct Numberer<'a> {
+    numbering: Numbering,
+    names: HalfEdgeNames,
+    max_node: u32,
+    /// By name of a vertex.
+    vertices: Vec<Expected>,
+    /// By name of a face: the final name of the half-edge that is its first one in the file, plus the corner that is that
+    /// half-edge; [`NONE`] for a face that no collapse so far, and not the coarsest mesh, has.
+    faces: Vec<u32>,
+    open: Vec<OpenPage>,
+    closed: Vec<u32>,
+    buckets: Buckets,
+    sizes: SizesBack,
+    coarse: &'a mut Coarse,
+    depth: u32,
+}
+
+/// The sizes of pages, the last one first.
+#[derive(Debug)]
+struct SizesBack {
+    spool: Spool<PageSize>,
+    piece: Piece<PageSize>,
+    left: usize,
+}
+
+impl SizesBack {
+    fn new(spool: Spool<PageSize>) -> Self {
+        Self { spool, piece: Piece::default(), left: 0 }
+    }
+
+    fn next(&mut self, store: &mut Store) -> Result<Option<PageSize>, scratch::Error> {
+        if self.left == 0 {
+            self.spool.take_last(store, &mut self.piece)?;
+            self.left = self.piece.items().len();
+        }
+        self.left = match self.left.checked_sub(1) {
+            Some(left) => left,
+            None => return Ok(None),
+        };
+        Ok(self.piece.items().get(self.left).copied())
+    }
+}
+
+impl Numberer<'_> {
+    /// Places the roots' pages, and names the faces of the coarsest mesh.
+    fn begin(&mut self) -> Result<(), Error> {
+        for &PageSize { nodes, blocks } in &self.coarse.root_pages {
+            self.open.push(OpenPage { next_block: NONE, blocks, nodes, bucket: NONE });
+        }
+        for (number, root) in self.coarse.roots.iter().enumerate() {
+            let above = Above::Root(number as u32).pack();
+            let expected = Expected { above, id: NONE, page: root.page, depth: 1 };
+            match self.vertices.get_mut(root.name as usize) {
+                Some(place) => *place = expected,
+                None => return Err(damaged(0, "a root without a name")),
+            }
+        }
+        for (index, name) in self.coarse.face_names.iter().enumerate() {
+            match self.faces.get_mut(name.index()) {
+                Some(face) => *face = 3 * index as u32,
+                None => return Err(damaged(0, "a face without a name")),
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives the node of a collapse its id, and says where its children go.
+    fn place(&mut self, stores: &mut Stores, order: u64, entry: &LogEntry) -> Result<(), Error> {
+        let wrong = |problem| Error::Record { order, problem };
+        let [removed, kept] = [entry.removed().index(), entry.kept().index()];
+        let expected = match self.vertices.get(kept) {
+            Some(expected) if expected.page != NONE => *expected,
+            _ => return Err(damaged(order, "a node that nothing waits for")),
+        };
+        let at = self.locate(stores, order, &expected)?;
+        let children = entry.children().map_err(|()| damaged(order, "children that cannot be"))?;
+        let inside = children.map(|child| match child {
+            Some(LoggedChild { block_nodes, cut: Cut::None }) => block_nodes,
+            _ => 0,
+        });
+        let last_slot =
+            self.numbering.slot(at.id) + inside.iter().copied().map(u32::from).sum::<u32>();
+        if last_slot >= self.numbering.slots() {
+            return Err(damaged(order, "a block that is too large"));
+        }
+        let half_edge =
+            entry.half_edge().ok_or_else(|| damaged(order, "a collapse of no half-edge"))?;
+        let mut adjacent = [NONE; 4];
+        for (name, half_edge) in adjacent.iter_mut().zip(entry.adjacent()) {
+            if let Some(half_edge) = half_edge {
+                let found = self.resolve(half_edge);
+                *name = found.ok_or_else(|| wrong(RecordProblem::LostHalfEdge(half_edge.get())))?;
+            }
+        }
+        let placed = Placed {
+            id: at.id.get(),
+            above: expected.above,
+            order: order as u32,
+            position: entry.position(),
+            normal: entry.normal,
+            codes: entry.codes,
+            inside,
+            adjacent,
+        };
+        self.buckets.push(stores.buckets(), at.bucket, &placed)?;
+        for (half_edge, k) in [(Some(half_edge), 0), (entry.reverse(), 3)] {
+            let Some(half_edge) = half_edge else { continue };
+            let name = self.names.of_node(at.id, k).get() + half_edge.corner();
+            match self.faces.get_mut(half_edge.face().index()) {
+                Some(face) => *face = name,
+                None => return Err(wrong(RecordProblem::Name)),
+            }
+        }
+        // The sizes of pages come back in the order opposite to that in which they went.
+        let id = at.id.get();
+        let right_id = id + 1 + u32::from(inside[0]);
+        let [left, right] = children;
+        let right = self.expect(stores, order, &at, right, (right_id, Side::Right))?;
+        let left = self.expect(stores, order, &at, left, (id + 1, Side::Left))?;
+        self.vertices[kept] = right;
+        match self.vertices.get_mut(removed) {
+            Some(place) if place.page == NONE => *place = left,
+            _ => return Err(damaged(order, "a vertex that is removed twice")),
+        }
+        self.depth = self.depth.max(at.depth);
+        Ok(())
+    }
+
+    /// Where a node goes that was waited for.
+    fn locate(
+        &mut self,
+        stores: &mut Stores,
+        order: u64,
+        expected: &Expected,
+    ) -> Result<At, Error> {
+        let number = expected.page;
+        let Some(page) = self.open.get_mut(number as usize) else {
+            return Err(damaged(order, "a page that is not open"));
+        };
+        let mut id = expected.id;
+        if id == NONE {
+            let above = page.bucket;
+            if page.next_block == NONE {
+                let size = PageSize { nodes: page.nodes, blocks: page.blocks };
+                let new = self.buckets.begin_page(stores.buckets(), size);
+                let new = new.ok_or_else(|| damaged(order, "a page of a size that cannot be"))?;
+                page.next_block = new.first_block;
+                page.bucket = new.bucket;
+            }
+            page.blocks = match page.blocks.checked_sub(1) {
+                Some(blocks) => blocks,
+                None => return Err(damaged(order, "a page with more blocks than were counted")),
+            };
+            if page.next_block > self.max_node >> self.numbering.levels() {
+                return Err(damaged(order, "more blocks than were counted"));
+            }
+            id = page.next_block << self.numbering.levels();
+            page.next_block += 1;
+            match expected.above.unpack() {
+                Some(Above::Root(root)) => self.coarse.set_root(root, NodeId::new(id)),
+                Some(parent) if above != page.bucket => {
+                    let link = Placed::link(NodeId::new(id), parent);
+                    self.buckets.push(stores.buckets(), above, &link)?;
+                }
+                _ => {}
+            }
+        }
+        let bucket = page.bucket;
+        page.nodes = match page.nodes.checked_sub(1) {
+            Some(nodes) => nodes,
+            None => return Err(damaged(order, "a page with more nodes than were counted")),
+        };
+        let is_last = page.nodes == 0;
+        if is_last {
+            if page.blocks > 0 {
+                return Err(damaged(order, "a page with fewer blocks than were counted"));
+            }
+            self.closed.push(number);
+        }
+        Ok(At { id: NodeId::new(id), page: number, is_last, bucket, depth: expected.depth })
+    }
+
+    /// What to wait for where a child of a node is to come, which would have the given id inside the node's block.
+    fn expect(
+        &mut self,
+        stores: &mut Stores,
+        order: u64,
+        parent: &At,
+        child: Option<LoggedChild>,
+        (inside, side): (u32, Side),
+    ) -> Result<Expected, Error> {
+        let Some(child) = child else { return Ok(NOTHING) };
+        let above = Above::Node(parent.id, side).pack();
+        let depth = parent.depth.saturating_add(1);
+        let (id, page) = match child.cut {
+            Cut::None | Cut::Block if parent.is_last => {
+                return Err(damaged(order, "a page with more nodes than were counted"));
+            }
+            Cut::None => (inside, parent.page),
+            Cut::Block => (NONE, parent.page),
+            Cut::Page => {
+                let size = self.sizes.next(stores.log())?;
+                let size = size.ok_or_else(|| damaged(order, "a page without a size"))?;
+                let PageSize { nodes, blocks } = size;
+                let page = OpenPage { next_block: NONE, blocks, nodes, bucket: parent.bucket };
+                (NONE, self.open_page(page))
+            }
+        };
+        Ok(Expected { above, id, page, depth })
+    }
+
+    fn open_page(&mut self, page: OpenPage) -> u32 {
+        match self.closed.pop() {
+            Some(number) => {
+                self.open[number as usize] = page;
+                number
+            }
+            None => {
+                self.open.push(page);
+                self.open.len() as u32 - 1
+            }
+        }
+    }
+
+    /// The final name of a half-edge.
+    #[inline]
+    fn resolve(&self, half_edge: HalfEdgeId) -> Option<u32> {
+        let face = *self.faces.get(half_edge.face().index())?;
+        if face == NONE {
+            return None;
+        }
+        let corner = face % 3;
+        Some(face - corner + (half_edge.corner() + 3 - corner) % 3)
+    }
+
+    /// That nothing is waited for any more.
+    fn check_end(&mut self, log: &mut Store, order: u64) -> Result<(), Error> {
+        let sizes_end = self.sizes.next(log)?.is_none();
+        self.sizes.piece.clear(log);
+        if order > 0 || self.closed.len() != self.open.len() || !sizes_end {
+            return Err(damaged(order, "nodes that did not come"));
+        }
+        Ok(())
+    }
+}
+
+#[cold]
+fn damaged(order: u64, what: &'static str) -> Error {
+    Error::Damaged { order, what }
+}
+
+/// Where log and buckets are: in one store, so that what is read of the log makes room for the buckets, unless the log is
+/// to be kept.
+#[derive(Debug)]
+struct Stores {
+    log: Store,
+    buckets: Option<Store>,
+}
+
+impl Stores {
+    fn log(&mut self) -> &mut Store {
+        &mut self.log
+    }
+
+    fn buckets(&mut self) -> &mut Store {
+        self.buckets.as_mut().unwrap_or(&mut self.log)
+    }
+}
+
+/// A sequence of collapses whose nodes have their places in a file.
+#[derive(Debug)]
+pub struct Numbered {
+    /// Where the buckets are.
+    pub(crate) store: Store,
+    pub(crate) buckets: Buckets,
+    pub(crate) coarse: Coarse,
+    pub(crate) totals: Totals,
+    pub(crate) write: WriteOptions,
+    /// The log, and what is known of it, where both are to be kept until the file is there.
+    pub(crate) kept: Option<Kept>,
+    log_bytes: u64,
+}
+
+impl Numbered {
+    /// What the header of the file will say.
+    pub fn totals(&self) -> &Totals {
+        &self.totals
+    }
+
+    /// Scratch space that was taken at most, in bytes.
+    pub fn scratch_bytes(&self) -> u64 {
+        self.store.peak_file_bytes() + self.log_bytes
+    }
+}
+
+impl Linked {
+    fn load(&self) -> NumberLoad {
+        NumberLoad {
+            names: self.names,
+            nodes: self.counts.nodes,
+            pages: self.counts.pages,
+            page_nodes: self.write.page_nodes as u64,
+            base_vertices: self.coarse.base.vertices.len(),
+            base_faces: self.coarse.base.faces.len(),
+            chunk_bytes: self.store.chunk_bytes() as u64,
+            held: self.store.held_bytes(),
+            threads: rayon::current_num_threads() as u64,
+        }
+    }
+
+    /// Bytes of memory that numbering and writing take at least, with what is held of the log.
+    pub fn least_memory_bytes(&self) -> u64 {
+        NumberPlan::least(&self.load())
+    }
+
+    /// Gives all nodes their places in the file, going through the log once from its end.
+    ///
+    /// # Complexity
+    /// Time linear in the number of nodes. Memory: as the options allow. Scratch space: none beyond what the log takes,
+    /// because what was read makes room; 52 bytes per node beyond what fits into memory where the log is kept.
+    ///
+    /// # Errors
+    /// [`Error::Record`] when a collapse contradicts those after it; [`Error::Memory`]; [`Error::Scratch`];
+    /// [`Error::Interrupted`].
+    pub fn number(
+        self,
+        options: &NumberOptions,
+        observer: &mut Observer<'_>,
+    ) -> Result<Numbered, Error> {
+        let plan = NumberPlan::new(options.memory_bytes, &self.load())?;
+        let Self { scratch, write, names: bounds, store, mut log, sizes, counts, mut coarse, kept } =
+            self;
+        let mut stores = Stores { log: store, buckets: None };
+        if kept.is_some() {
+            let mut options = StoreOptions::default();
+            options.chunk_bytes = stores.log.chunk_bytes();
+            stores.buckets = Some(Store::new(&scratch, &options));
+        }
+        stores.buckets().set_memory_bytes(plan.held);
+        let numbering = Numbering::new(write.levels);
+        let names = coarse.base.names();
+        let mut numberer = Numberer {
+            numbering,
+            names,
+            max_node: names.max_node().get(),
+            vertices: vec![NOTHING; bounds.vertices as usize],
+            faces: vec![NONE; bounds.faces as usize],
+            open: Vec::new(),
+            closed: Vec::new(),
+            buckets: Buckets::new(numbering, write.page_nodes as u32, plan.bucket_nodes),
+            sizes: SizesBack::new(sizes),
+            coarse: &mut coarse,
+            depth: 0,
+        };
+        numberer.begin()?;
+        let mut piece = Piece::default();
+        let mut order = counts.nodes;
+        while log.take_last(stores.log(), &mut piece)? {
+            Stage::Number.tell(counts.nodes - order, counts.nodes, observer)?;
+            for entry in piece.items().iter().rev() {
+                order = order.checked_sub(1).ok_or_else(|| damaged(0, "too many entries"))?;
+                numberer.place(&mut stores, order, entry)?;
+            }
+        }
+        piece.clear(stores.log());
+        numberer.check_end(stores.log(), order)?;
+        if numberer.buckets.counts() != (counts.blocks, counts.pages) {
+            return Err(damaged(0, "blocks or pages that did not come"));
+        }
+        let Numberer { buckets, depth, .. } = numberer;
+        let totals = Totals {
+            nodes: counts.nodes,
+            blocks: counts.blocks,
+            pages: counts.pages,
+            input_triangles: counts.faces + coarse.base.faces.len() as u64,
+            tree_depth: depth.into(),
+            bounds: counts.bounds(),
+        };
+        let Stores { log, buckets: own } = stores;
+        let (store, log_bytes) = match own {
+            Some(own) => (own, log.peak_file_bytes()),
+            None => (log, 0),
+        };
+        Ok(Numbered { store, buckets, coarse, totals, write, kept, log_bytes })
+    }
+}

@@ -1,0 +1,120 @@
+//! Linking in a stream gives the file that linking in memory gives, byte for byte.
+
+mod common;
+
+use common::{Memory, Shape, build, forest, independent_sets, plain, recycled, sweep};
+use common::{sheet, sphere, torus, tube};
+use mergetree::Records;
+use proptest::prelude::*;
+use xfm_build::LinkOptions;
+use xfm_format::{WriteOptions, XfmFile, verify, write};
+
+fn write_options(levels: u32, page_nodes: usize) -> WriteOptions {
+    let mut options = WriteOptions::default();
+    options.levels = levels;
+    options.page_nodes = page_nodes;
+    options
+}
+
+/// Compares the file of a sequence of collapses, made in every way, with that of the forest in memory.
+fn check(shape: &Shape, records: &Records, write_options: &WriteOptions, seed: u64) {
+    let folder = tempfile::tempdir().unwrap();
+    let expected_path = folder.path().join("expected.xfm");
+    let expected_report = write(&forest(shape, records), &expected_path, write_options).unwrap();
+    let expected = std::fs::read(&expected_path).unwrap();
+    let file = XfmFile::open(&expected_path).unwrap();
+    assert_eq!(verify(&file, |_| {}).errors, []);
+    let sequence = plain(shape, records);
+    let again = recycled(&sequence, seed);
+    assert!(again.names.vertices <= sequence.names.vertices);
+    for sequence in [&sequence, &again] {
+        for memory in [Memory::Ample, Memory::Least] {
+            let path = folder.path().join("found.xfm");
+            let mut options = LinkOptions::new(sequence.names);
+            options.write = write_options.clone();
+            let (report, scratch) = build(sequence, &path, options, memory).unwrap();
+            assert_eq!(report, expected_report);
+            if std::fs::read(&path).unwrap() != expected {
+                // Which node is another says more than which byte.
+                let found = XfmFile::open(&path).unwrap();
+                assert_eq!(found.header(), file.header());
+                assert_eq!(found.base(), file.base());
+                for page in 0..file.num_pages() {
+                    assert_eq!(found.read_page(page).unwrap(), file.read_page(page).unwrap());
+                }
+                panic!("the files differ, and what is in them does not");
+            }
+            let chunk = 4096;
+            let log = 56 * sequence.records.len() as u64;
+            match memory {
+                Memory::Ample => assert_eq!(scratch, 0),
+                Memory::Least => assert!(scratch + 2 * chunk >= log && scratch < log + 40 * chunk),
+            }
+        }
+    }
+    // Nothing but the two files is left.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+}
+
+#[test]
+fn shapes_of_all_kinds_by_independent_sets() {
+    let shapes = [
+        torus(60, 50),
+        sheet(50, 50),
+        tube(40, 50),
+        sphere(4),
+        torus(20, 30).and(&sheet(30, 20)).and(&sphere(3)),
+    ];
+    for (shape, levels) in shapes.iter().zip(1..) {
+        let records = independent_sets(shape, 8);
+        check(shape, &records, &write_options(levels, 64), u64::from(levels));
+        check(shape, &records, &WriteOptions::default(), 7);
+    }
+}
+
+#[test]
+fn collapses_that_follow_a_stream_use_few_names() {
+    let shape = sheet(100, 100);
+    let records = sweep(&shape, 400, 3, 5);
+    assert!(records.records.len() > 8000);
+    let sequence = recycled(&plain(&shape, &records), 9);
+    assert!(sequence.names.vertices < 4000, "{:?}", sequence.names);
+    check(&shape, &records, &write_options(4, 256), 9);
+}
+
+#[test]
+fn a_mesh_without_a_collapse_and_one_without_anything() {
+    let shape = sphere(1);
+    let none = Records { records: Vec::new(), coarse: shape.mesh() };
+    check(&shape, &none, &WriteOptions::default(), 1);
+    let shape = Shape { positions: Vec::new(), triangles: Vec::new() };
+    let none = Records { records: Vec::new(), coarse: shape.mesh() };
+    check(&shape, &none, &WriteOptions::default(), 1);
+}
+
+fn shapes() -> impl Strategy<Value = Shape> {
+    let size = || (3u32..20, 3u32..20);
+    prop_oneof![
+        size().prop_map(|(x, y)| torus(x, y)),
+        size().prop_map(|(x, y)| sheet(x, y)),
+        size().prop_map(|(x, y)| tube(x, y)),
+        (0u32..4).prop_map(sphere),
+        (size(), size()).prop_map(|((a, b), (c, d))| torus(a, b).and(&sheet(c, d))),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn any_collapses_of_any_shape(
+        shape in shapes(),
+        window in 1usize..1000,
+        tries in 0usize..4,
+        seed: u64,
+        levels in 1u32..=5,
+    ) {
+        let records = sweep(&shape, window, tries, seed);
+        check(&shape, &records, &write_options(levels, 64), seed);
+    }
+}
