@@ -48,7 +48,8 @@ impl Collapser {
             .num_threads(options.threads.map_or(0, |n| n.get()))
             .build()
             .map_err(Error::Threads)?;
-        let mut portion = Portion::with_names(0);
+        // Memory that is not used is none.
+        let mut portion = Portion::with_names(capacity * 9 / 16);
         portion.sealed = Sealed::default();
         let mut inserter = Inserter::default();
         inserter.begin(&mut portion, capacity.min(1 << 20) / 2);
