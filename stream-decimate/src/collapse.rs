@@ -102,9 +102,12 @@ pub fn collapse_file<E: From<Error>>(
     let folder = Scratch::new(scratch);
     match order {
         ReadOrder::AsIs => collapse(&mut *open().map_err(Error::from)?, options, tell, observer),
-        ReadOrder::Counted => {
-            run(&mut finality::count(open().map_err(Error::from)?, &folder, observer)?, options, tell, observer)
-        }
+        ReadOrder::Counted => run(
+            &mut finality::count(open().map_err(Error::from)?, &folder, observer)?,
+            options,
+            tell,
+            observer,
+        ),
         ReadOrder::Sorted => {
             let bytes = presort::DEFAULT_BYTES;
             run(&mut presort::presort(open, &folder, bytes, observer)?, options, tell, observer)

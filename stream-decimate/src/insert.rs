@@ -90,11 +90,7 @@ impl Inserter {
     }
 
     /// Puts a triangle where it belongs; its vertices, if it did not have to be left out.
-    fn insert(
-        &mut self,
-        portion: &mut Portion,
-        triangle: &Triangle,
-    ) -> Option<[u32; 3]> {
+    fn insert(&mut self, portion: &mut Portion, triangle: &Triangle) -> Option<[u32; 3]> {
         // Adding zero makes −0 equal to +0.
         let corners = triangle.map(|corner| corner + Vec3::ZERO);
         if !corners.iter().all(|c| c.is_finite()) {

@@ -9,6 +9,8 @@ pub(crate) struct Identity {
     pub(crate) name: u32,
     /// The sum of the normals of the triangles it came with.
     pub(crate) normal: Vec3,
+    /// The sum of the unit normals of all vertices that it has taken and of its own; zero while triangles may still come.
+    pub(crate) mean: Vec3,
 }
 
 /// The names that are not in use.

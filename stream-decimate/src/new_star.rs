@@ -95,9 +95,7 @@ impl<const MEASURED: usize> NewStar<MEASURED> {
         let after = cross(a, b);
         let cosine = dot(before, after);
         let area = dot(after, after);
-        let bound = f32x8::splat(self.least_cosine)
-            * dot(before, before)
-            * area;
+        let bound = f32x8::splat(self.least_cosine) * dot(before, before) * area;
         let zero = f32x8::splat(0.0);
         let fine = cosine.simd_gt(zero) & (cosine * cosine).simd_gt(bound);
         self.turned |= !fine.all();
@@ -166,7 +164,9 @@ impl Middles {
         let splat = f32x8::splat;
         let (zero, one) = (splat(0.0), splat(1.0));
         let (corner, va, vb, normal) = (all(corner), all(a), all(b), all(normal));
-        for (points, least) in self.points.iter().zip(&mut self.least).take(self.len.div_ceil(LANES)) {
+        for (points, least) in
+            self.points.iter().zip(&mut self.least).take(self.len.div_ceil(LANES))
+        {
             let mut p = points.map(f32x8::from);
             for (p, corner) in p.iter_mut().zip(corner) {
                 *p -= corner;
@@ -191,7 +191,6 @@ impl Middles {
         least.fold(0.0f32, |most, least| most.max(least)).sqrt()
     }
 }
-
 
 #[cfg(test)]
 mod tests {

@@ -64,8 +64,8 @@ pub(crate) struct Window<'a> {
     pub(crate) stars: StarSlice<'a>,
     flags: &'a mut [u8],
     bounds: &'a mut [f32],
-    /// Of all vertices, or of none.
-    identities: &'a [Identity],
+    /// Of each vertex, or of none.
+    identities: &'a mut [Identity],
 }
 
 impl Window<'_> {
@@ -122,7 +122,12 @@ impl Window<'_> {
     /// Who a vertex is; collapses have to be recorded.
     #[inline]
     pub(crate) fn identity(&self, v: u32) -> &Identity {
-        &self.identities[v as usize]
+        &self.identities[(v - self.base) as usize]
+    }
+
+    #[inline]
+    pub(crate) fn identity_mut(&mut self, v: u32) -> &mut Identity {
+        &mut self.identities[(v - self.base) as usize]
     }
 
     #[inline]
@@ -272,8 +277,10 @@ impl Portion {
             second: 0.0,
             deviation: 0.0,
         };
-        let identity =
-            self.names.as_mut().map(|names| Identity { name: names.take_vertex(), normal: Vec3::ZERO });
+        let identity = self
+            .names
+            .as_mut()
+            .map(|names| Identity { name: names.take_vertex(), ..Default::default() });
         match self.free.pop() {
             Some(v) => {
                 if let Some(identity) = identity {
@@ -317,7 +324,7 @@ impl Portion {
             stars: self.stars.all(),
             flags: &mut self.flags,
             bounds: &mut self.bounds,
-            identities: &self.identities,
+            identities: &mut self.identities,
         }
     }
 
@@ -328,8 +335,10 @@ impl Portion {
         let lengths = std::iter::once(offset)
             .chain((offset..count).step_by(size).map(|from| size.min(count - from)));
         let mut base = 0;
+        let has_names = self.names.is_some();
         let (mut vertices, mut flags, mut bounds) =
             (&mut self.vertices[..], &mut self.flags[..], &mut self.bounds[..]);
+        let mut identities = &mut self.identities[..];
         let stars = self.stars.slices(lengths.clone());
         lengths
             .zip(stars)
@@ -340,7 +349,7 @@ impl Portion {
                     stars,
                     flags: take_front(&mut flags, length),
                     bounds: take_front(&mut bounds, length),
-                    identities: &self.identities,
+                    identities: take_front(&mut identities, if has_names { length } else { 0 }),
                 };
                 base += length as u32;
                 window
@@ -467,6 +476,11 @@ impl Portion {
             if *flags & state::MAY_GO != 0 && *bound == f32::INFINITY {
                 *flags |= STALE;
                 *bound = UNRATED;
+            }
+        }
+        for (identity, flags) in self.identities.iter_mut().zip(&self.flags) {
+            if flags & state::MAY_GO != 0 && identity.mean == Vec3::ZERO {
+                identity.mean = identity.normal.normalize_or_zero();
             }
         }
     }

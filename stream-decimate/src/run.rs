@@ -219,10 +219,7 @@ fn read(
 pub(crate) fn with_reader<E: From<Error>>(
     feed: &mut dyn Feed,
     observer: &mut Observer<'_>,
-    mut take: impl FnMut(
-        Option<(&[Triangle], Finality<'_>)>,
-        &mut Observer<'_>,
-    ) -> Result<Progress, E>,
+    mut take: impl FnMut(Option<(&[Triangle], Finality<'_>)>, &mut Observer<'_>) -> Result<Progress, E>,
 ) -> Result<(), E> {
     thread::scope(|scope| {
         let (to_take, batches) = sync_channel(UNDER_WAY);

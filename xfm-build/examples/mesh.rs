@@ -17,13 +17,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     options.expected_triangles = open_source(&input)?.triangle_hint();
     let mut open = || open_source(&input);
-    let report = build_mesh(
-        Input::File(&mut open),
-        &output,
-        &std::env::temp_dir(),
-        &options,
-        &mut |_| ControlFlow::Continue(()),
-    )?;
+    let report =
+        build_mesh(Input::File(&mut open), &output, &std::env::temp_dir(), &options, &mut |_| {
+            ControlFlow::Continue(())
+        })?;
     println!("{:?}, read {:?}: {}", report.mode, report.order, report.built);
     Ok(())
 }

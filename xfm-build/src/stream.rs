@@ -119,7 +119,7 @@ impl MeshOptions {
             mode,
             buffer_triangles: buffer as usize,
             link_bytes: rest.saturating_sub(taken).max(buffer * LINK_TABLES + (4 << 20)),
-            number_bytes: rest.max(8 << 20),
+            number_bytes: rest.max(24 << 20),
         }
     }
 }
@@ -192,8 +192,10 @@ pub fn build_mesh(
                 let built = line.build(order, observer, |options, tell, observer| {
                     collapse_file(open, order, scratch, options, tell, observer)
                 });
-                let unsorted =
-                    matches!(built, Err(MeshError::Collapse(stream_decimate::Error::Unsorted { .. })));
+                let unsorted = matches!(
+                    built,
+                    Err(MeshError::Collapse(stream_decimate::Error::Unsorted { .. }))
+                );
                 match orders.find(|&next| next as u8 > order as u8) {
                     Some(next) if unsorted => order = next,
                     _ => return built,
@@ -250,8 +252,7 @@ impl Line<'_> {
             collapsed = report;
             Ok(coarse_mesh(&rest))
         };
-        let mut told =
-            |progress: Progress| (observer.borrow_mut())(MeshProgress::Build(progress));
+        let mut told = |progress: Progress| (observer.borrow_mut())(MeshProgress::Build(progress));
         let folder = Scratch::new(self.scratch);
         let built = build_from(feed, self.path, &folder, &build_options, &mut told)?;
         Ok(MeshReport { built, collapse: collapsed, mode: self.plan.mode, order })

@@ -147,7 +147,8 @@ impl Collapser {
             if performed == 0 {
                 break;
             }
-            if observer(&self::progress(self.read, self.capacity, portion)) == ControlFlow::Break(())
+            if observer(&self::progress(self.read, self.capacity, portion))
+                == ControlFlow::Break(())
             {
                 return Err(Error::Interrupted.into());
             }

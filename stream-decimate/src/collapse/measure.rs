@@ -19,16 +19,17 @@ pub(crate) fn moved(window: &Window<'_>, v: u32, u: u32) -> Option<f32> {
     let mut star = NewStar::<1>::new([from, Vec3::ZERO], LEAST_COSINE);
     let mut middles = Middles::new();
     let fans = window.stars.fans(v);
-    let normal = |x: u32| window.identity(x).normal;
+    let normal = |x: u32| window.identity(x).mean;
     let (of_v, of_u) = (normal(v), normal(u));
     for (a, b) in fans.triangles() {
         if a == u || b == u {
             continue;
         }
         let [p, q] = [a, b].map(|x| window.position(x) - at);
-        let beside = normal(a) + normal(b);
-        let before = (p - from).cross(q - from);
-        if p.cross(q).dot(beside + of_u) <= 0.0 && before.dot(beside + of_v) > 0.0 {
+        let (before, after) = ((p - from).cross(q - from), p.cross(q));
+        let turned = |(then, now): (Vec3, Vec3)| after.dot(now) <= 0.0 && before.dot(then) > 0.0;
+        let beside = [normal(a), normal(b)].map(|n| (n, n));
+        if beside.into_iter().chain([(of_v, of_u)]).any(turned) {
             return None;
         }
         star.push(p, q, 0);

@@ -193,6 +193,8 @@ fn collapse(window: &mut Window<'_>, v: u32, threshold: f32, done: &mut Done) {
     let to = window.vertex_mut(u);
     to.quadric = rate::merged(&to.quadric, &from.quadric, from.position - to.position);
     to.deviation = deviation;
+    let mean = window.identity(v).mean;
+    window.identity_mut(u).mean += mean;
     window.stars.collapse(v, u);
     *window.flags_mut(v) = state::FREE;
     *window.bound_mut(v) = f32::INFINITY;
