@@ -111,6 +111,40 @@ pub enum Error {
         /// What is allowed, in bytes.
         memory: u64,
     },
+    /// There is not enough room on a disk.
+    #[error(
+        "{}: about {} are needed there and {} are free; free some space, or name another folder with {remedy}",
+        folder.display(), text::size(*needed), text::size(*free)
+    )]
+    NoRoom {
+        /// The folder.
+        folder: PathBuf,
+        /// Bytes that are needed.
+        needed: u64,
+        /// Bytes that are free.
+        free: u64,
+        /// What names another folder.
+        remedy: &'static str,
+    },
+    /// Streaming builds are not there yet.
+    #[error(
+        "{name}: building it as a stream is not available yet; use `--in-core`, with as much --memory as that takes"
+    )]
+    NoStreaming {
+        /// The input.
+        name: String,
+    },
+    /// A run cannot be gone on with, because its input is gone.
+    #[error(
+        "{name}: a pipe comes only once, so that --resume could not tell whether it is the same; give a file"
+    )]
+    ResumePipe {
+        /// The input.
+        name: String,
+    },
+    /// A stream could not be built into a file.
+    #[error(transparent)]
+    Build(#[from] xfm_build::Error),
     /// After the repair no triangle is left.
     #[error("{}: there is no triangle with three different corners; check that it is the file you meant", file.display())]
     NothingToBuild {
