@@ -36,11 +36,6 @@ impl Names {
     pub(crate) fn give_back_face(&mut self, name: u32) {
         self.faces.names.push(name);
     }
-
-    /// One more than the largest name of a triangle so far.
-    pub(crate) fn num_faces(&self) -> u32 {
-        self.faces.used
-    }
 }
 
 #[derive(Debug, Default)]

@@ -96,29 +96,35 @@ pub struct MemoryPlan {
 }
 
 impl MeshOptions {
+    /// Memory that so many triangles take in core, in bytes.
+    pub fn in_core_bytes(triangles: u64) -> u64 {
+        let each = CollapseOptions::BYTES_PER_TRIANGLE + LINK_TABLES + LOG;
+        triangles.saturating_mul(each).saturating_add(ALWAYS + (4 << 20))
+    }
+
     /// What the memory is spent on.
     pub fn plan(&self) -> MemoryPlan {
         let rest = self.memory_bytes.saturating_sub(ALWAYS);
-        let in_core = |triangles: u64| {
-            triangles * (CollapseOptions::BYTES_PER_TRIANGLE + LINK_TABLES + LOG) + (4 << 20)
-        };
-        let fits = self.expected_triangles.filter(|&triangles| in_core(triangles) <= rest);
+        let in_core = |&triangles: &u64| Self::in_core_bytes(triangles) <= self.memory_bytes;
+        let fits = self.expected_triangles.filter(in_core);
         let mode = self.mode.unwrap_or(if fits.is_some() { Mode::InCore } else { Mode::Streaming });
         let per_triangle = CollapseOptions::BYTES_PER_TRIANGLE + LINK_TABLES;
         let most = (rest / 100 * BUFFER_SHARE / per_triangle).clamp(LEAST_BUFFER, MOST_BUFFER);
         let buffer = match (mode, self.expected_triangles) {
-            (Mode::InCore, Some(triangles)) => triangles + 64,
+            (Mode::InCore, Some(triangles)) => triangles.saturating_add(64),
             // Of unknown length: as much as there may be.
             (Mode::InCore, None) => rest / per_triangle,
-            (Mode::Streaming, Some(triangles)) => most.min(triangles + 64),
+            (Mode::Streaming, Some(triangles)) => most.min(triangles.saturating_add(64)),
             (Mode::Streaming, None) => most,
         };
         let buffer = buffer.max(64);
-        let taken = buffer * CollapseOptions::BYTES_PER_TRIANGLE;
+        let taken = buffer.saturating_mul(CollapseOptions::BYTES_PER_TRIANGLE);
         MemoryPlan {
             mode,
             buffer_triangles: buffer as usize,
-            link_bytes: rest.saturating_sub(taken).max(buffer * LINK_TABLES + (4 << 20)),
+            link_bytes: rest
+                .saturating_sub(taken)
+                .max(buffer.saturating_mul(LINK_TABLES).saturating_add(4 << 20)),
             number_bytes: rest.max(24 << 20),
         }
     }
@@ -145,6 +151,9 @@ pub enum MeshError {
     /// The collapses could not be linked, numbered or written.
     #[error(transparent)]
     Build(#[from] Error),
+    /// No triangle is left after repair.
+    #[error("there is no triangle with three different corners")]
+    Empty,
     /// The triangles could not be read or collapsed.
     #[error(transparent)]
     Collapse(#[from] stream_decimate::Error),
@@ -250,6 +259,9 @@ impl Line<'_> {
             };
             let (rest, report) = collapse(options, &mut tell, &mut told)?;
             collapsed = report;
+            if rest.faces.is_empty() {
+                return Err(MeshError::Empty);
+            }
             Ok(coarse_mesh(&rest))
         };
         let mut told = |progress: Progress| (observer.borrow_mut())(MeshProgress::Build(progress));
