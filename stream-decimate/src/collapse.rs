@@ -30,6 +30,8 @@ use collapser::Collapser;
 pub struct CollapseOptions {
     /// Triangles the buffer holds at most, 64 or more. Memory depends on this alone. Default 4,000,000.
     pub buffer_triangles: usize,
+    /// Vertices the buffer holds at most. Default `None`: half as many again as a closed mesh has.
+    pub buffer_vertices: Option<usize>,
     /// Triangles at which to stop; more are left where topology or geometry forbid to go on. Default 256.
     pub base_triangles: usize,
     /// Threads to use at most; the result does not depend on it. Default `None`: as many as there are cores.
@@ -38,14 +40,25 @@ pub struct CollapseOptions {
 
 impl Default for CollapseOptions {
     fn default() -> Self {
-        Self { buffer_triangles: 4_000_000, base_triangles: 256, threads: None }
+        Self {
+            buffer_triangles: 4_000_000,
+            buffer_vertices: None,
+            base_triangles: 256,
+            threads: None,
+        }
     }
 }
 
 impl CollapseOptions {
     /// Names of vertices are below this.
     pub fn num_vertex_names(&self) -> u32 {
-        u32::try_from(collapser::most_vertices(self.buffer_triangles) + 8).unwrap_or(u32::MAX)
+        // Where boundaries meet in a vertex, it becomes several when they are known to be boundaries.
+        let vertices = self.most_vertices();
+        u32::try_from(vertices + vertices / 8 + 64).unwrap_or(u32::MAX)
+    }
+
+    fn most_vertices(&self) -> usize {
+        self.buffer_vertices.unwrap_or(self.buffer_triangles * 3 / 4)
     }
 
     /// Names of faces are below this.
@@ -53,8 +66,10 @@ impl CollapseOptions {
         u32::try_from(self.buffer_triangles + 8).unwrap_or(u32::MAX)
     }
 
-    /// Memory that a buffer takes per triangle at most, in bytes, beside a few megabytes always.
-    pub const BYTES_PER_TRIANGLE: u64 = 184;
+    /// Memory that a buffer takes in bytes for each vertex that is there, beside a few megabytes always.
+    pub const BYTES_PER_VERTEX: u64 = 280;
+    /// And for each triangle.
+    pub const BYTES_PER_TRIANGLE: u64 = 24;
 }
 
 /// In what order the triangles of a file are taken.

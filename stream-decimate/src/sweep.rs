@@ -42,7 +42,7 @@ impl Decimation {
             if 2 * portion.num_vertices() < portion.num_slots() {
                 portion.compact();
             }
-            if before - portion.num_triangles() < (before - goal) / WORTH {
+            if before - portion.num_triangles() <= (before - goal) / WORTH {
                 break;
             }
         }

@@ -21,12 +21,12 @@ use crate::{Error, Progress};
 
 /// Memory of the process itself, and of reading.
 const ALWAYS: u64 = 40 << 20;
-/// Memory that the linker takes per triangle of the buffer for its tables, in bytes.
-const LINK_TABLES: u64 = 28;
+/// Memory that the linker takes for its tables per vertex of the buffer, in bytes.
+const LINK_TABLES: u64 = 41;
 /// Memory for the log per triangle, in bytes, where it is to stay in memory: half a node.
 const LOG: u64 = 28;
 /// Share of the memory that goes to the buffer and the tables that go with it, in streaming, in percent.
-const BUFFER_SHARE: u64 = 72;
+const BUFFER_SHARE: u64 = 66;
 /// Buffers are not smaller than this, in triangles.
 const LEAST_BUFFER: u64 = 1 << 14;
 /// Nor larger: more does not make better files.
@@ -89,6 +89,8 @@ pub struct MemoryPlan {
     pub mode: Mode,
     /// Triangles the buffer holds.
     pub buffer_triangles: usize,
+    /// Vertices it holds.
+    pub buffer_vertices: usize,
     /// Bytes that the linker may take while collapses come.
     pub link_bytes: u64,
     /// Bytes that may be taken after that.
@@ -96,10 +98,12 @@ pub struct MemoryPlan {
 }
 
 impl MeshOptions {
-    /// Memory that so many triangles take in core, in bytes.
+    /// Memory that so many triangles take in core, in bytes, with some more vertices than a closed mesh has.
     pub fn in_core_bytes(triangles: u64) -> u64 {
-        let each = CollapseOptions::BYTES_PER_TRIANGLE + LINK_TABLES + LOG;
-        triangles.saturating_mul(each).saturating_add(ALWAYS + (4 << 20))
+        let log = triangles.saturating_mul(LOG);
+        buffer_bytes(triangles, triangles / 8 * 5)
+            .saturating_add(log)
+            .saturating_add(ALWAYS + (4 << 20))
     }
 
     /// What the memory is spent on.
@@ -108,26 +112,45 @@ impl MeshOptions {
         let in_core = |&triangles: &u64| Self::in_core_bytes(triangles) <= self.memory_bytes;
         let fits = self.expected_triangles.filter(in_core);
         let mode = self.mode.unwrap_or(if fits.is_some() { Mode::InCore } else { Mode::Streaming });
-        let per_triangle = CollapseOptions::BYTES_PER_TRIANGLE + LINK_TABLES;
+        // Triangles of a closed mesh, and half as many again of its vertices.
+        let per_triangle = buffer_bytes(4, 3) / 4;
         let most = (rest / 100 * BUFFER_SHARE / per_triangle).clamp(LEAST_BUFFER, MOST_BUFFER);
         let buffer = match (mode, self.expected_triangles) {
             (Mode::InCore, Some(triangles)) => triangles.saturating_add(64),
             // Of unknown length: as much as there may be.
-            (Mode::InCore, None) => rest / per_triangle,
+            (Mode::InCore, None) => rest / (per_triangle + LOG),
             (Mode::Streaming, Some(triangles)) => most.min(triangles.saturating_add(64)),
             (Mode::Streaming, None) => most,
         };
-        let buffer = buffer.max(64);
-        let taken = buffer.saturating_mul(CollapseOptions::BYTES_PER_TRIANGLE);
+        let triangles = buffer.max(64);
+        let vertices = match mode {
+            Mode::Streaming => triangles / 4 * 3,
+            // There may be three of a triangle, but no more than there is memory for.
+            Mode::InCore => {
+                let for_vertices =
+                    rest.saturating_sub(buffer_bytes(triangles, 0) + triangles * LOG);
+                let each = buffer_bytes(0, 1);
+                (for_vertices / each).clamp(triangles / 2 + 64, triangles.saturating_mul(3))
+            }
+        };
+        let tables = vertices.saturating_mul(LINK_TABLES) + triangles / 8 + (4 << 20);
+        let taken = buffer_bytes(triangles, vertices) - vertices.saturating_mul(LINK_TABLES);
         MemoryPlan {
             mode,
-            buffer_triangles: buffer as usize,
-            link_bytes: rest
-                .saturating_sub(taken)
-                .max(buffer.saturating_mul(LINK_TABLES).saturating_add(4 << 20)),
-            number_bytes: rest.max(24 << 20),
+            buffer_triangles: triangles as usize,
+            buffer_vertices: vertices as usize,
+            link_bytes: rest.saturating_sub(taken).max(tables),
+            // Encoders and the allocator keep a little more than they are asked for.
+            number_bytes: (rest - rest / 6).max(24 << 20),
         }
     }
+}
+
+/// Memory that a buffer takes with the tables of the linker, in bytes.
+fn buffer_bytes(triangles: u64, vertices: u64) -> u64 {
+    let of_triangles = triangles.saturating_mul(CollapseOptions::BYTES_PER_TRIANGLE);
+    of_triangles
+        .saturating_add(vertices.saturating_mul(CollapseOptions::BYTES_PER_VERTEX + LINK_TABLES))
 }
 
 /// What came of it.
@@ -186,6 +209,7 @@ pub fn build_mesh(
     let plan = options.plan();
     let mut collapse_options = CollapseOptions::default();
     collapse_options.buffer_triangles = plan.buffer_triangles;
+    collapse_options.buffer_vertices = Some(plan.buffer_vertices);
     collapse_options.threads = options.threads;
     let mut line = Line { path, scratch, options, plan, collapse_options };
     match input {

@@ -17,15 +17,12 @@ use crate::reorder::reorder;
 use crate::sealed::Sealed;
 use crate::{Error, Observer, OptionsError, Progress};
 
-/// Vertices that a buffer holds at most: half as many again as a closed mesh has.
-pub(crate) fn most_vertices(triangles: usize) -> usize {
-    triangles * 3 / 4
-}
-
 /// Takes triangles, and tells collapses.
 #[derive(Debug)]
 pub(crate) struct Collapser {
     capacity: usize,
+    most_vertices: usize,
+    num_vertex_names: usize,
     base_triangles: usize,
     pool: ThreadPool,
     portion: Portion,
@@ -55,6 +52,8 @@ impl Collapser {
         inserter.begin(&mut portion, capacity.min(1 << 20) / 2);
         Ok(Self {
             capacity,
+            most_vertices: options.most_vertices(),
+            num_vertex_names: options.num_vertex_names() as usize,
             base_triangles: options.base_triangles,
             pool,
             portion,
@@ -82,7 +81,7 @@ impl Collapser {
         let mut at = 0;
         while at < triangles.len() {
             let room = (self.capacity - self.portion.num_triangles().min(self.capacity))
-                .min(most_vertices(self.capacity).saturating_sub(self.portion.num_vertices()) / 3);
+                .min(self.most_vertices.saturating_sub(self.portion.num_vertices()) / 3);
             if room == 0 {
                 self.make_room(tell, observer)?;
                 continue;
@@ -107,14 +106,13 @@ impl Collapser {
         self.peak = self.peak.max(self.portion.num_triangles());
         self.inserter.seal_final(&mut self.portion, self.below);
         let waiting = self.portion.num_waiting_triangles();
-        if 2 * waiting > self.capacity {
+        if 2 * waiting > self.capacity || self.portion.num_vertices() > self.num_vertex_names {
             return Err(self.unsorted(waiting).into());
         }
         let goal = (self.capacity / 2).max(waiting + waiting / 2);
         self.collapse_to(goal, tell, observer)?;
-        let most = most_vertices(self.capacity);
         if 16 * self.portion.num_triangles() > 15 * self.capacity
-            || 16 * self.portion.num_vertices() > 15 * most
+            || 16 * self.portion.num_vertices() > 15 * self.most_vertices
         {
             return Err(self.unsorted(waiting).into());
         }
@@ -168,6 +166,9 @@ impl Collapser {
                 self.inserter.seal(&mut self.portion, v);
             }
         }
+        if self.portion.num_vertices() > self.num_vertex_names {
+            return Err(self.unsorted(0).into());
+        }
         // Nothing is looked up any more.
         self.inserter.forget();
         self.collapse_to(self.base_triangles, tell, observer)?;
@@ -218,5 +219,87 @@ fn progress(read: u64, capacity: usize, portion: &Portion) -> Progress {
         capacity: capacity as u64,
         resolution: buffered as f64 / (read.max(1)) as f64,
         ..Default::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use glam::{Vec3, vec3};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A sheet with holes, some of its triangles at wrong places, turned round or no triangles at all.
+    fn sheet(rows: usize, holes: usize, mess: &[usize]) -> Vec<Triangle> {
+        let at = |x: usize, y: usize| {
+            let (x, y) = (x as f32, y as f32);
+            vec3(x, y, (0.3 * x).sin() + (0.2 * y).cos())
+        };
+        let mut triangles = Vec::new();
+        for y in 0..rows {
+            for x in (0..20).filter(|x| (x + 20 * y) % holes != 0) {
+                let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| at(x + i, y + j));
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        for &i in mess {
+            let len = triangles.len();
+            triangles.swap(i % len, i / 7 % len);
+            triangles[i / 3 % len][i % 3] = at(i % 20, i % rows);
+            triangles[i / 5 % len].swap(0, 1);
+            if i % 11 == 0 {
+                triangles[i / 13 % len][0] = Vec3::NAN;
+            }
+        }
+        triangles
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..Default::default() })]
+
+        #[test]
+        fn the_buffer_holds_a_manifold_with_names_at_any_time(
+            rows in 10usize..60,
+            holes in 3usize..50,
+            mess in prop::collection::vec(any::<usize>(), 0..40),
+            buffer in 200usize..2000,
+        ) {
+            let mut options = CollapseOptions::default();
+            (options.buffer_triangles, options.base_triangles) = (buffer, 4);
+            let mut collapser = Collapser::new(&options).unwrap();
+            let (mut vertices, mut faces) = (0u64, 0u64);
+            let mut count = |collapse: &Collapsed| {
+                vertices += 1;
+                faces += 1 + u64::from(collapse.reverse.is_some());
+                assert!(collapse.removed.get() < options.num_vertex_names());
+                assert!(collapse.half_edge.face().get() < options.num_face_names());
+                Ok::<(), Error>(())
+            };
+            let go_on = &mut |_: &Progress| ControlFlow::Continue(());
+            let input = sheet(rows, holes, &mess);
+            for batch in input.chunks(50) {
+                match collapser.push(batch, Finality::Unknown, &mut count, go_on) {
+                    Ok(()) => {}
+                    Err(Error::Unsorted { .. }) => return Ok(()),
+                    Err(error) => panic!("{error}"),
+                }
+                prop_assert_eq!(collapser.portion.validate(), Ok(()));
+                prop_assert!(collapser.portion.num_triangles() <= buffer);
+            }
+            let (rest, report) = match collapser.finish(&mut count, go_on) {
+                Ok(finished) => finished,
+                Err(Error::Unsorted { .. }) => return Ok(()),
+                Err(error) => panic!("{error}"),
+            };
+            let repaired = report.repaired;
+            let left_out = repaired.non_finite + repaired.degenerate + repaired.duplicate;
+            prop_assert_eq!(report.input_triangles, input.len() as u64);
+            prop_assert_eq!(faces + rest.faces.len() as u64 + left_out, report.input_triangles);
+            let names: HashSet<_> = rest.vertices.iter().map(|vertex| vertex.name).collect();
+            prop_assert_eq!(names.len(), rest.vertices.len());
+            prop_assert!(rest.faces.iter().flat_map(|face| face.corners).all(|v| names.contains(&v)));
+        }
     }
 }
