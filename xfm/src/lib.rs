@@ -18,6 +18,7 @@
 
 pub mod commands;
 pub mod distance;
+pub mod full;
 pub mod interrupt;
 pub mod level;
 pub mod memory;
