@@ -76,3 +76,37 @@ fn a_pipe_takes_it_too_and_scratch_files_are_said_where_to_go() {
     let ran = xfm(&[&args[..], &["--scratch", "/no/such/folder"]].concat());
     assert!(ran.error_line().contains("--scratch"));
 }
+
+#[test]
+fn little_memory_finds_what_is_missing_and_nothing_else() {
+    let folder = Folder::new();
+    let far = moved(&bumpy_square(30, 0.0), 512_345.25);
+    // Once more what is there, an edge of no length, a corner that is not a number.
+    let dirty = torus(30, 20) + "v nan 0 0\nf 1 2 32\nf 1 1 2\nf 1 2 601\n";
+    for (name, obj, left_out) in [("torus", torus(70, 40), 0), ("far", far, 0), ("dirty", dirty, 2)]
+    {
+        let input = folder.write(&format!("{name}.obj"), &obj);
+        let file = folder.file(&format!("{name}.xfm"));
+        xfm(&["build", &input, &file, "--json"]).json();
+        let args = ["verify", &file, "--memory", "1MiB", "--json", "--against"];
+        let verified = xfm(&[&args[..], &[&input]].concat()).json();
+        assert_eq!(verified["ok"], true, "{verified}");
+        let against = &verified["against"];
+        assert_eq!(against["mode"], "streaming");
+        assert_eq!((&against["missing"], &against["extra"]), (&0.into(), &0.into()));
+        assert_eq!(against["repaired"]["triangles_without_surface"], left_out);
+        assert_eq!(against["repaired"]["repeated_triangles"], u64::from(name == "dirty"));
+
+        // The last triangle but those three is another one.
+        let other = folder.write("other.obj", format!("{obj}f 5 9 14\n"));
+        let ran = xfm(&[&args[..], &[&other]].concat());
+        assert_eq!(ran.code, 1);
+        let verified: serde_json::Value = serde_json::from_str(&ran.stdout).expect("a report");
+        assert_eq!(verified["against"]["missing"], 1);
+        assert_eq!(verified["against"]["extra"], 0);
+        let ran = xfm(&[&args[..4], &["--against", &other]].concat());
+        assert!(ran.error_line().contains("1 of"), "{}", ran.stderr);
+    }
+    let names = folder.names();
+    assert!(names.iter().all(|name| name.ends_with(".obj") || name.ends_with(".xfm")), "{names:?}");
+}
