@@ -126,14 +126,24 @@ pub enum Error {
         /// What names another folder.
         remedy: &'static str,
     },
-    /// Streaming builds are not there yet.
+    /// A mesh does not fit through the memory in the order it comes.
     #[error(
-        "{name}: building it as a stream is not available yet; use `--in-core`, with as much --memory as that takes"
+        "{name}: it does not fit through {}, in no order: {} of {} triangles wait for their neighbours; raise --memory",
+        text::size(*memory), text::count(*waiting), text::count(*buffer as u64)
     )]
-    NoStreaming {
+    MemoryTooSmallForOrder {
         /// The input.
         name: String,
+        /// Triangles of the buffer that wait for neighbours.
+        waiting: u64,
+        /// Triangles the buffer holds.
+        buffer: usize,
+        /// What is allowed, in bytes.
+        memory: u64,
     },
+    /// A mesh could not be made into a file.
+    #[error(transparent)]
+    BuildMesh(xfm_build::MeshError),
     /// A run cannot be gone on with, because its input is gone.
     #[error(
         "{name}: a pipe comes only once, so that --resume could not tell whether it is the same; give a file"

@@ -1,9 +1,8 @@
 //! `xfm build`: from a mesh to a `.xfm` file.
 
-mod in_core;
+mod mesh;
 mod plan;
 mod report;
-mod streaming;
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -104,6 +103,7 @@ pub fn run(args: &BuildArgs) -> Result<(), Error> {
         return Err(Error::ResumePipe { name: input.name() });
     }
     let plan = args.plan(&input)?;
+    plan.check_memory(&args.input)?;
     plan.check_room(&args.output)?;
     let peak = AnonymousPeak::watch();
     let built = with_threads(args.threads, || build(args, &input, &plan))?;
@@ -126,14 +126,8 @@ impl BuildArgs {
 
 fn build(args: &BuildArgs, input: &Input, plan: &Plan) -> Result<Built, Error> {
     let (path, output, levels) = (&args.input, &args.output, args.levels);
-    match plan.mode {
-        Mode::Streaming if plan.is_forced => {
-            let resume = args.resume;
-            streaming::build(&streaming::Request { input, path, output, levels, resume }, plan)
-        }
-        // As long as nothing collapses a stream.
-        Mode::Streaming | Mode::InCore => in_core::build(path, args.from, output, levels, plan),
-    }
+    let (resume, threads) = (args.resume, args.threads);
+    mesh::build(&mesh::Request { input, path, output, levels, threads, resume }, plan)
 }
 
 /// How a file of a mesh in this frame is written.

@@ -5,14 +5,11 @@ use std::path::{Path, PathBuf};
 use mesh_io::Packing;
 use scratch::Scratch;
 use serde::Serialize;
+use xfm_build::MeshOptions;
 
 use crate::Error;
 use crate::mesh_stream::Input;
 
-/// Anonymous memory that building in core takes per triangle at its peak, with a reserve: between 100 and 130 were measured.
-const BYTES_PER_TRIANGLE: u64 = 160;
-/// And whatever the size of the mesh.
-const BYTES_ALWAYS: u64 = 24 << 20;
 /// Bytes of a text file per triangle, where it does not say how many there are: few, so that rather too many are expected.
 const TEXT_BYTES_PER_TRIANGLE: u64 = 24;
 /// Of the file for each triangle; files are smaller, mostly.
@@ -32,6 +29,20 @@ pub enum Mode {
 }
 
 impl Mode {
+    fn new(mode: xfm_build::Mode) -> Self {
+        match mode {
+            xfm_build::Mode::InCore => Self::InCore,
+            _ => Self::Streaming,
+        }
+    }
+
+    fn of_build(self) -> xfm_build::Mode {
+        match self {
+            Self::InCore => xfm_build::Mode::InCore,
+            Self::Streaming => xfm_build::Mode::Streaming,
+        }
+    }
+
     /// Its name in reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -46,8 +57,6 @@ impl Mode {
 pub struct Plan {
     /// How the file is built.
     pub mode: Mode,
-    /// Whether the user said so.
-    pub is_forced: bool,
     /// Triangles that are expected; `None` where nothing tells.
     pub expected_triangles: Option<u64>,
     /// Anonymous memory that may be taken, in bytes.
@@ -65,11 +74,12 @@ impl Plan {
         forced: Option<Mode>,
         scratch: PathBuf,
     ) -> Self {
-        let fits = |triangles| in_core_bytes(triangles) <= memory;
-        let fitting =
-            if expected_triangles.is_some_and(fits) { Mode::InCore } else { Mode::Streaming };
-        let mode = forced.unwrap_or(fitting);
-        Self { mode, is_forced: forced.is_some(), expected_triangles, memory, scratch }
+        let mut options = MeshOptions::default();
+        options.memory_bytes = memory;
+        options.expected_triangles = expected_triangles;
+        options.mode = forced.map(Mode::of_build);
+        let mode = Mode::new(options.plan().mode);
+        Self { mode, expected_triangles, memory, scratch }
     }
 
     /// Makes sure that the disks have room for the file and for what is written on the way to it.
@@ -96,13 +106,16 @@ impl Plan {
         require(&self.scratch, on_disk, "--scratch")
     }
 
-    /// Whether a mesh that was read fits the memory.
+    /// Makes sure that a mesh that is to be in memory fits there, as far as it is known how large it is.
     ///
     /// # Errors
     ///
-    /// [`Error::MemoryTooSmall`] if not.
-    pub fn check_in_core(&self, input: &Path, triangles: u64) -> Result<(), Error> {
-        let (needed, memory) = (in_core_bytes(triangles), self.memory);
+    /// [`Error::MemoryTooSmall`] if it does not.
+    pub fn check_memory(&self, input: &Path) -> Result<(), Error> {
+        let (Mode::InCore, Some(triangles)) = (self.mode, self.expected_triangles) else {
+            return Ok(());
+        };
+        let (needed, memory) = (MeshOptions::in_core_bytes(triangles), self.memory);
         if needed > memory {
             return Err(Error::MemoryTooSmall {
                 file: input.to_owned(),
@@ -113,10 +126,15 @@ impl Plan {
         }
         Ok(())
     }
-}
 
-fn in_core_bytes(triangles: u64) -> u64 {
-    BYTES_ALWAYS.saturating_add(triangles.saturating_mul(BYTES_PER_TRIANGLE))
+    /// The same for the one who builds.
+    pub fn options(&self) -> MeshOptions {
+        let mut options = MeshOptions::default();
+        options.memory_bytes = self.memory;
+        options.expected_triangles = self.expected_triangles;
+        options.mode = Some(self.mode.of_build());
+        options
+    }
 }
 
 fn require(folder: &Path, needed: u64, remedy: &'static str) -> Result<(), Error> {
