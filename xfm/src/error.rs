@@ -155,6 +155,9 @@ pub enum Error {
     /// A stream could not be built into a file.
     #[error(transparent)]
     Build(#[from] xfm_build::Error),
+    /// A scratch file could not be made, written or read.
+    #[error(transparent)]
+    ScratchFile(#[from] scratch::Error),
     /// After the repair no triangle is left.
     #[error("{}: there is no triangle with three different corners; check that it is the file you meant", file.display())]
     NothingToBuild {

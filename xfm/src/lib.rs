@@ -18,6 +18,7 @@
 
 pub mod commands;
 pub mod distance;
+pub mod full;
 pub mod interrupt;
 pub mod level;
 pub mod memory;
@@ -27,6 +28,7 @@ pub mod pipe;
 pub mod progress;
 pub mod repaired;
 pub mod report;
+pub mod same_soup;
 pub mod same_surface;
 pub mod spread;
 pub mod text;

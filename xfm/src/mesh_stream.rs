@@ -7,14 +7,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use glam::Vec3;
-use mesh_io::{Format, Frame, IndexedMesh, Triangle, TriangleSink, TriangleSource};
+use mesh_io::{Format, Frame, IndexedSource, Take, Triangle, TriangleSink, TriangleSource};
 use tempfile::NamedTempFile;
 
 use crate::pipe::PipeReader;
 use crate::{Error, interrupt, text};
-
-/// Triangles handed to a sink at once.
-const BATCH: usize = 1 << 14;
 
 /// Whether a path stands for standard input or output.
 fn is_pipe(path: &Path) -> bool {
@@ -238,27 +235,18 @@ impl Output {
         Ok(Box::new(WatchedSink { sink, written: Arc::clone(&self.written) }))
     }
 
-    /// Writes a whole mesh whose positions are in a frame.
+    /// Writes a whole mesh whose positions are in a frame, its vertices as they are.
     ///
     /// # Errors
     ///
-    /// What the system refuses.
-    pub fn write(&self, mesh: &IndexedMesh, frame: Frame) -> Result<(), mesh_io::Error> {
-        if frame == Frame::default() {
-            self.written.note_positions(&mesh.positions);
-            let written = match self.is_pipe() {
-                true => mesh_io::write_mesh_to(io::stdout(), self.format, mesh),
-                false => mesh_io::write_mesh_as(&self.path, Some(self.format), mesh),
-            };
-            return self.written.note_end(written);
-        }
-        // Only sinks write in other frames.
-        let mut sink = self.create(frame)?;
-        for triangles in mesh.triangles.chunks(BATCH) {
-            let corners = |triangle: &[u32; 3]| triangle.map(|v| mesh.positions[v as usize]);
-            sink.write(&triangles.iter().map(corners).collect::<Vec<_>>())?;
-        }
-        sink.finish()
+    /// What the system refuses, those of the mesh, and Ctrl-C.
+    pub fn write(&self, mesh: &mut dyn IndexedSource, frame: Frame) -> Result<(), mesh_io::Error> {
+        let mut mesh = WatchedMesh { mesh, written: &self.written };
+        let written = match self.is_pipe() {
+            true => mesh_io::write_indexed_to(io::stdout(), self.format, &mut mesh, frame),
+            false => mesh_io::write_indexed(&self.path, Some(self.format), &mut mesh, frame),
+        };
+        self.written.note_end(written)
     }
 
     /// Whether nobody reads the output any more: whoever did has seen what they wanted.
@@ -313,6 +301,55 @@ impl Written {
             self.reader_left.store(true, Ordering::Relaxed);
         }
         result
+    }
+}
+
+/// A mesh of which is noted what is handed out, until Ctrl-C.
+struct WatchedMesh<'a> {
+    mesh: &'a mut dyn IndexedSource,
+    written: &'a Written,
+}
+
+/// Ends the writing after Ctrl-C.
+fn go_on() -> Result<(), mesh_io::Error> {
+    let (name, action) = ("the mesh".to_owned(), "write all of");
+    interrupt::check().map_err(|error| mesh_io::Error::Io {
+        name,
+        action,
+        source: io::Error::other(error),
+    })
+}
+
+impl IndexedSource for WatchedMesh<'_> {
+    fn num_vertices(&self) -> u64 {
+        self.mesh.num_vertices()
+    }
+
+    fn num_triangles(&self) -> u64 {
+        self.mesh.num_triangles()
+    }
+
+    fn each_position(&mut self, take: &mut Take<'_, Vec3>) -> Result<(), mesh_io::Error> {
+        self.mesh.each_position(&mut |positions| {
+            go_on()?;
+            self.written.note_positions(positions);
+            take(positions)
+        })
+    }
+
+    fn each_triangle(&mut self, take: &mut Take<'_, [u32; 3]>) -> Result<(), mesh_io::Error> {
+        self.mesh.each_triangle(&mut |triangles| {
+            go_on()?;
+            take(triangles)
+        })
+    }
+
+    fn each_corners(&mut self, take: &mut Take<'_, Triangle>) -> Result<(), mesh_io::Error> {
+        self.mesh.each_corners(&mut |triangles| {
+            go_on()?;
+            self.written.note_positions(triangles.as_flattened());
+            take(triangles)
+        })
     }
 }
 

@@ -375,7 +375,7 @@ fn cluster(
 
 fn write(output: &Output, mesh: &IndexedMesh, frame: Frame) -> Result<(), Error> {
     interrupt::check()?;
-    let write = || Ok(output.write(mesh, frame)?);
+    let write = || Ok(output.write(&mut &*mesh, frame)?);
     if output.is_pipe() { interrupt::freely(write) } else { write() }
 }
 

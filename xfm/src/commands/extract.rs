@@ -7,13 +7,16 @@ use std::time::Instant;
 
 use glam::DVec3;
 use mergetree::{Camera, View};
-use mesh_io::{Format, IndexedMesh};
+use mesh_io::{Format, Frame, IndexedMesh, IndexedSource};
+use scratch::Scratch;
 use serde::Serialize;
+use xfm_format::XfmFile;
 
 use crate::level::{self, Level, Wanted};
-use crate::mesh_stream::Output;
+use crate::memory::AnonymousPeak;
+use crate::mesh_stream::{Output, scratch_folder};
 use crate::report::{ReportTo, say};
-use crate::{Error, interrupt, text, values, xfm_file};
+use crate::{Error, full, interrupt, text, values, xfm_file};
 
 /// Extract one level of detail as a plain, welded mesh without seams
 ///
@@ -65,6 +68,12 @@ pub struct ExtractArgs {
     /// Size of its picture in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = values::image_size)]
     size: [u32; 2],
+    /// Anonymous memory that --full may use at most, like 512MiB or 4G; what does not fit goes through scratch files
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = values::size)]
+    memory: u64,
+    /// Folder for scratch files [default: that of the output, or the system's]
+    #[arg(long, value_name = "DIR")]
+    scratch: Option<PathBuf>,
     /// Format of the output where its name does not tell: stl, stla, ply, plya, plyb, obj, gltf, glb
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     to: Option<Format>,
@@ -80,7 +89,10 @@ struct ExtractReport {
     output_triangles: u64,
     output_vertices: u64,
     error: f64,
+    mode: &'static str,
     seconds: f64,
+    peak_anon: Option<u64>,
+    scratch_bytes: u64,
     warnings: Vec<String>,
 }
 
@@ -88,12 +100,18 @@ impl fmt::Display for ExtractReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} of {} triangles, {} vertices, error {} by the file's bounds, {}",
+            "{} of {} triangles, {} vertices, error {} by the file's bounds, {} ({}{}{})",
             text::count(self.output_triangles),
             text::count(self.input_triangles),
             text::count(self.output_vertices),
             text::number(self.error, 4),
-            text::seconds(self.seconds)
+            text::seconds(self.seconds),
+            self.mode,
+            self.peak_anon.map(|peak| format!(", peak {}", text::size(peak))).unwrap_or_default(),
+            match self.scratch_bytes {
+                0 => String::new(),
+                bytes => format!(", {} of scratch files", text::size(bytes)),
+            }
         )
     }
 }
@@ -126,6 +144,49 @@ impl ExtractArgs {
     }
 }
 
+/// What was extracted.
+struct Extracted {
+    triangles: u64,
+    vertices: u64,
+    error: f64,
+    mode: &'static str,
+    scratch_bytes: u64,
+    /// Whether all of it was: nobody may have read it to the end.
+    is_written: bool,
+}
+
+impl Extracted {
+    fn new(mesh: &dyn IndexedSource, error: f64, mode: &'static str, is_written: bool) -> Self {
+        let (triangles, vertices) = (mesh.num_triangles(), mesh.num_vertices());
+        Self { triangles, vertices, error, mode, scratch_bytes: 0, is_written }
+    }
+
+    fn with_scratch_bytes(self, scratch_bytes: u64) -> Self {
+        Self { scratch_bytes, ..self }
+    }
+}
+
+/// Writes a mesh; `false` where who read it had seen what they wanted before its end.
+fn write(output: &Output, mesh: &mut dyn IndexedSource, frame: Frame) -> Result<bool, Error> {
+    match output.write(mesh, frame) {
+        Err(_) if output.has_no_reader() => Ok(false),
+        written => Ok(written.map(|()| true)?),
+    }
+}
+
+/// A level of a file that is wholly in memory. Nothing is on the disk, so Ctrl-C may end the process at once.
+fn in_core(file: &XfmFile, wanted: &Wanted) -> Result<Level, Error> {
+    let name = || file.path().to_owned();
+    let level = interrupt::freely(|| -> Result<Level, Error> {
+        level::extract(&mut file.read_forest()?, wanted, |_| false)
+            .map_err(|source| Error::Base { file: name(), source })
+    })?;
+    match level.damaged {
+        0 => Ok(level),
+        nodes => Err(Error::DamagedNodes { file: name(), nodes: nodes as u64 }),
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -136,20 +197,26 @@ pub fn run(args: &ExtractArgs) -> Result<(), Error> {
     let file = interrupt::freely(|| xfm_file::open(&args.file))?;
     let output = Output::new(&args.output, args.to)?;
     let frame = xfm_file::frame(file.header());
-    let level = interrupt::freely(|| -> Result<Level, Error> {
-        let wanted = args.wanted(frame.origin);
-        level::extract(&mut file.read_forest()?, &wanted, |_| false)
-            .map_err(|source| Error::Base { file: args.file.clone(), source })
-    })?;
-    if level.damaged > 0 {
-        return Err(Error::DamagedNodes { file: args.file.clone(), nodes: level.damaged as u64 });
-    }
-    let error = f64::from(level.error);
-    let mesh = IndexedMesh { positions: level.positions, triangles: level.triangles };
-    match output.write(&mesh, frame) {
-        // Who read the output has seen what they wanted.
-        Err(_) if output.has_no_reader() => return Ok(()),
-        written => written?,
+    let peak = AnonymousPeak::watch();
+    let extracted = match args.wanted(frame.origin) {
+        Wanted::Full if !full::fits_in_core(&file, args.memory) => {
+            let best = || output.scratch_folder();
+            let scratch = Scratch::new(scratch_folder(args.scratch.as_deref(), best)?);
+            let mut mesh = full::full_mesh(&file, &scratch, args.memory)?;
+            let written = write(&output, &mut mesh, frame)?;
+            Extracted::new(&mesh, 0.0, "streaming", written)
+                .with_scratch_bytes(mesh.scratch_bytes())
+        }
+        wanted => {
+            let level = in_core(&file, &wanted)?;
+            let error = f64::from(level.error);
+            let mesh = IndexedMesh { positions: level.positions, triangles: level.triangles };
+            let written = write(&output, &mut &mesh, frame)?;
+            Extracted::new(&&mesh, error, "in-core", written)
+        }
+    };
+    if !extracted.is_written {
+        return Ok(());
     }
     let warnings: Vec<String> = output.rounding(frame).into_iter().collect();
     let report_to = match (args.json, output.is_pipe()) {
@@ -162,9 +229,12 @@ pub fn run(args: &ExtractArgs) -> Result<(), Error> {
     }
     report_to.deliver(&ExtractReport {
         input_triangles: file.header().input_triangles,
-        output_triangles: mesh.triangles.len() as u64,
-        output_vertices: mesh.positions.len() as u64,
-        error,
+        output_triangles: extracted.triangles,
+        output_vertices: extracted.vertices,
+        error: extracted.error,
+        mode: extracted.mode,
+        peak_anon: peak.so_far(),
+        scratch_bytes: extracted.scratch_bytes,
         seconds: start.elapsed().as_secs_f64(),
         warnings,
     })

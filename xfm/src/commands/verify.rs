@@ -1,24 +1,24 @@
 //! `xfm verify`: whether a `.xfm` file is what it should be.
 
+mod against;
+
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use mesh_io::Format;
 use serde::Serialize;
 use xfm_format::{Numbering, Place, Problem, XfmFile};
 
-use crate::level::{self, Wanted};
-use crate::mesh_file::read_mesh_in_frame;
 use crate::progress::{Progress, Unit};
-use crate::repaired::{self, Repaired};
 use crate::report::ReportTo;
-use crate::same_surface::difference;
 use crate::{Error, interrupt, text, values, xfm_file};
 
 /// Check a .xfm file: checksums, links, bounds, counts; and with --against that it holds a mesh whole
 ///
 /// With --against the file is refined fully, and its triangles must be those of the input, every coordinate the same to the
-/// last bit, after the same welding and repair that `xfm build` does. Exit code 1 if anything is wrong.
+/// last bit. Where all of it fits --memory, the input is welded and repaired as `xfm build` does before. Where it does not,
+/// triangles are compared as they are: those without a surface (two corners at one place, a coordinate that is no number) are
+/// left out and counted, and so are repetitions. Exit code 1 if anything is wrong.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -40,6 +40,12 @@ pub struct VerifyArgs {
     /// Format of that mesh where its name does not tell: stl, ply, obj, gltf, glb
     #[arg(long, value_name = "FMT", value_parser = values::format, requires = "against")]
     from: Option<Format>,
+    /// Anonymous memory that --against may use at most, like 512MiB or 4G; what does not fit goes through scratch files
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = values::size)]
+    memory: u64,
+    /// Folder for scratch files [default: that of the .xfm file]
+    #[arg(long, value_name = "DIR")]
+    scratch: Option<PathBuf>,
     /// Report as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -53,7 +59,7 @@ struct VerifyReport {
     /// Errors beyond those listed.
     more_errors: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    against: Option<Comparison>,
+    against: Option<against::Comparison>,
 }
 
 /// One thing that is wrong, and where: exactly one of the first three is there.
@@ -66,16 +72,6 @@ struct Finding {
     #[serde(skip_serializing_if = "Option::is_none")]
     field: Option<String>,
     message: String,
-}
-
-/// The comparison with the input.
-#[derive(Debug, Clone, Serialize)]
-struct Comparison {
-    input_triangles: u64,
-    repaired_triangles: u64,
-    missing: u64,
-    extra: u64,
-    repaired: Repaired,
 }
 
 impl Finding {
@@ -119,15 +115,7 @@ impl fmt::Display for VerifyReport {
             writeln!(f, "and {} more", text::count(self.more_errors))?;
         }
         if let Some(against) = &self.against {
-            writeln!(
-                f,
-                "input: {} triangles, {} after repair ({}); missing {}, extra {}",
-                text::count(against.input_triangles),
-                text::count(against.repaired_triangles),
-                repaired::words(&against.repaired).as_deref().unwrap_or("nothing to repair"),
-                text::count(against.missing),
-                text::count(against.extra)
-            )?;
+            writeln!(f, "{against}")?;
         }
         f.write_str(if self.ok { "ok" } else { "not ok" })
     }
@@ -139,7 +127,7 @@ impl fmt::Display for VerifyReport {
 ///
 /// A file that cannot be read, or in which anything is wrong.
 pub fn run(args: &VerifyArgs) -> Result<(), Error> {
-    let report = interrupt::freely(|| verify(args))?;
+    let report = verify(args)?;
     if report.ok {
         return ReportTo::new(args.json).deliver(&report);
     }
@@ -156,7 +144,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Error> {
 }
 
 fn verify(args: &VerifyArgs) -> Result<VerifyReport, Error> {
-    let file = match xfm_file::open(&args.file) {
+    let file = match interrupt::freely(|| xfm_file::open(&args.file)) {
         Ok(file) => file,
         Err(Error::Format(error)) => match place_of(&error) {
             // A file that is there and damaged is a finding, not a failure to look.
@@ -168,11 +156,16 @@ fn verify(args: &VerifyArgs) -> Result<VerifyReport, Error> {
         },
         Err(error) => return Err(error),
     };
-    let mut report = check(&file);
+    let mut report = interrupt::freely(|| check(&file));
     if report.errors.is_empty()
         && let Some(input) = &args.against
     {
-        compare(&file, input, args.from, &mut report)?;
+        let (comparison, wrong) = against::compare(&file, input, args)?;
+        report.errors.extend(wrong.map(|message| {
+            let field = Some("triangles".to_owned());
+            Finding { field, message, ..Finding::default() }
+        }));
+        report.against = Some(comparison);
     }
     report.ok = report.errors.is_empty();
     Ok(report)
@@ -219,54 +212,4 @@ fn check(file: &XfmFile) -> VerifyReport {
         errors: found.errors.into_iter().map(finding).collect(),
         ..VerifyReport::default()
     }
-}
-
-fn compare(
-    file: &XfmFile,
-    input: &Path,
-    from: Option<Format>,
-    report: &mut VerifyReport,
-) -> Result<(), Error> {
-    let (mut mesh, frame) = read_mesh_in_frame(input, from)?;
-    let of_file = xfm_file::frame(file.header());
-    if frame.origin != of_file.origin {
-        for position in &mut mesh.positions {
-            *position = of_file.from_file(frame.to_file(*position));
-        }
-    }
-    let repaired = halfedge::repair(&mesh.positions, &mesh.triangles)
-        .map_err(|source| Error::Repair { file: input.to_owned(), source })?;
-    let expected: Vec<[u32; 3]> = repaired
-        .mesh
-        .faces()
-        .filter_map(|face| repaired.mesh.corners(face))
-        .map(|corners| corners.map(|vertex| vertex.get()))
-        .collect();
-    let full = level::extract(&mut file.read_forest()?, &Wanted::Full, |_| false)
-        .map_err(|source| Error::Base { file: file.path().to_owned(), source })?;
-    let found = difference((&repaired.positions, &expected), (&full.positions, &full.triangles));
-    if let Some(near) = found.near {
-        let near = of_file.to_file(near.into()).to_array().map(|c| c.to_string()).join(", ");
-        let blocked = match full.damaged {
-            0 => String::new(),
-            nodes => format!(" ({} nodes could not be split)", text::count(nodes as u64)),
-        };
-        let message = format!(
-            "{} of {} are missing and {} are not in {}, one of them at {near}{blocked}",
-            text::count(found.missing),
-            text::count(expected.len() as u64),
-            text::count(found.extra),
-            input.display()
-        );
-        let field = Some("triangles".to_owned());
-        report.errors.push(Finding { field, message, ..Finding::default() });
-    }
-    report.against = Some(Comparison {
-        input_triangles: mesh.triangles.len() as u64,
-        repaired_triangles: expected.len() as u64,
-        missing: found.missing,
-        extra: found.extra,
-        repaired: repaired::counts(&repaired.report),
-    });
-    Ok(())
 }
