@@ -302,6 +302,8 @@ impl StreamDecimator {
         let far = SWEPT * (level - waiting as f64) + waiting as f64;
         let sweep_goal = match at_level {
             true => self.sweep_goal(goal),
+            // How much is wanted in the end is not known everywhere.
+            false if self.ratio == 0.0 => goal,
             false => (half / 2).max(far.max(kept) as usize),
         };
         self.settle_and_run(goal, slack, [sweep_goal, goal.min(level as usize)]);
