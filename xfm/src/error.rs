@@ -96,6 +96,19 @@ pub enum Error {
     /// The encoding is not there yet.
     #[error("the encoding `compact` is not available yet; use `--encoding exact`")]
     NoCompactEncoding,
+    /// There is not even memory for the least buffer.
+    #[error(
+        "{}: building takes {} at least, {} are allowed; raise --memory",
+        file.display(), text::size(*needed), text::size(*memory)
+    )]
+    LittleMemory {
+        /// The input.
+        file: PathBuf,
+        /// What is needed for any mesh, in bytes.
+        needed: u64,
+        /// What is allowed, in bytes.
+        memory: u64,
+    },
     /// The input needs more memory than it may have.
     #[error(
         "{}: building {} triangles takes up to {}, {} are allowed; raise --memory", file.display(),

@@ -10,6 +10,8 @@ use xfm_build::MeshOptions;
 use crate::Error;
 use crate::mesh_stream::Input;
 
+/// Memory without which nothing can be promised.
+const LEAST_MEMORY: u64 = 64 << 20;
 /// Bytes of a text file per triangle, where it does not say how many there are: few, so that rather too many are expected.
 const TEXT_BYTES_PER_TRIANGLE: u64 = 24;
 /// Of the file for each triangle; files are smaller, mostly.
@@ -106,12 +108,17 @@ impl Plan {
         require(&self.scratch, on_disk, "--scratch")
     }
 
-    /// Makes sure that a mesh that is to be in memory fits there, as far as it is known how large it is.
+    /// Makes sure that there is memory at all, and that a mesh that is to be in memory fits there, as far as it is known how
+    /// large it is.
     ///
     /// # Errors
     ///
-    /// [`Error::MemoryTooSmall`] if it does not.
+    /// [`Error::LittleMemory`] and [`Error::MemoryTooSmall`].
     pub fn check_memory(&self, input: &Path) -> Result<(), Error> {
+        if self.memory < LEAST_MEMORY {
+            let (file, memory) = (input.to_owned(), self.memory);
+            return Err(Error::LittleMemory { file, needed: LEAST_MEMORY, memory });
+        }
         let (Mode::InCore, Some(triangles)) = (self.mode, self.expected_triangles) else {
             return Ok(());
         };
