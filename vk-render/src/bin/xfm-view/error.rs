@@ -7,14 +7,10 @@ use std::path::PathBuf;
 pub(crate) enum Error {
     #[error(transparent)]
     Mesh(#[from] mesh_io::Error),
-    #[error("{path}: {source}", path = path.display())]
-    Repair { path: PathBuf, source: halfedge::BuildError },
     #[error("{path}: there is no triangle to show", path = .0.display())]
     Empty(PathBuf),
     #[error("{path}: {source}", path = path.display())]
-    Build { path: PathBuf, source: mergetree::ForestError },
-    #[error(transparent)]
-    Format(#[from] xfm_format::Error),
+    Build { path: PathBuf, source: xfm_build::MeshError },
     #[error(transparent)]
     Pager(#[from] xfm_pager::Error),
     #[error(transparent)]

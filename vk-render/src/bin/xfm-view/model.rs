@@ -1,11 +1,13 @@
 //! Opens what was given: a `.xfm` file, or a mesh that becomes one.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use tempfile::TempDir;
-use xfm_format::{Precision, WriteOptions};
+use xfm_build::{Input, MeshError, MeshOptions, MeshProgress, build_mesh};
+use xfm_format::Precision;
 use xfm_pager::{Pager, Session};
 
 use crate::args::Args;
@@ -43,31 +45,31 @@ fn build(input: &Path, output: &Path) -> Result<(), Error> {
         ProgressStyle::with_template("{msg:10} {wide_bar} {percent:>3} %")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),
     );
-    bar.set_message("reading");
-    let reading = |done: u64, total: Option<u64>| {
-        bar.set_position(total.map_or(0, |total| 100 * done / total.max(1)));
+    let mut open = || mesh_io::open_source(input);
+    let source = open()?;
+    let frame = source.frame();
+    let mut options = MeshOptions::default();
+    options.expected_triangles = source.triangle_count().or_else(|| source.triangle_hint());
+    drop(source);
+    options.write.origin = frame.origin;
+    options.write.precision = if frame.double { Precision::Double } else { Precision::Single };
+    let expected = options.expected_triangles;
+    let mut show = |progress: MeshProgress| {
+        let (message, done, total) = match progress {
+            MeshProgress::Collapse(at) => ("building", at.read, expected.unwrap_or(0)),
+            MeshProgress::Build(at) => ("writing", at.done, at.total),
+            _ => return ControlFlow::Continue(()),
+        };
+        bar.set_message(message);
+        bar.set_position(100 * done / total.max(done).max(1));
+        ControlFlow::Continue(())
     };
-    let options = mesh_io::ReadOptions::default().with_progress(&reading);
-    let (mesh, frame) = mesh_io::read_mesh_in_frame(input, &options)?;
-    let repaired = halfedge::repair(&mesh.positions, &mesh.triangles)
-        .map_err(|source| Error::Repair { path: input.to_owned(), source })?;
-    drop(mesh);
-    if repaired.mesh.num_faces() == 0 {
-        return Err(Error::Empty(input.to_owned()));
-    }
-    bar.set_message("building");
-    let forest = mergetree::build(
-        repaired.mesh,
-        &repaired.positions,
-        &mergetree::BuildOptions::default(),
-        &|share| bar.set_position((100.0 * share) as u64),
-    )
-    .map_err(|source| Error::Build { path: input.to_owned(), source })?;
-    bar.set_message("writing");
-    let mut options = WriteOptions::default();
-    options.origin = frame.origin;
-    options.precision = if frame.double { Precision::Double } else { Precision::Single };
-    xfm_format::write(&forest, output, &options)?;
+    let scratch = output.parent().unwrap_or(output);
+    let built = build_mesh(Input::File(&mut open), output, scratch, &options, &mut show);
+    built.map_err(|source| match source {
+        MeshError::Empty => Error::Empty(input.to_owned()),
+        source => Error::Build { path: input.to_owned(), source },
+    })?;
     bar.finish_and_clear();
     Ok(())
 }
