@@ -60,7 +60,18 @@ fn a_build_leaves_a_whole_file_or_none() {
     let folder = Folder::new();
     let input = folder.write("torus.obj", torus(300, 150));
     let file = folder.file("torus.xfm");
-    interrupt_often(&folder, &["build", &input, &file], Some("torus.xfm"));
+    let ways: [&[&str]; 3] =
+        [&[], &["--streaming"], &["--streaming", "--memory", "24MiB", "--scratch"]];
+    let scratch = Folder::new();
+    for way in ways {
+        let mut args = [&["build", &input, &file], way].concat();
+        let named = scratch.file("");
+        if way.contains(&"--scratch") {
+            args.push(&named);
+        }
+        interrupt_often(&folder, &args, Some("torus.xfm"));
+        assert!(scratch.names().is_empty(), "{way:?}: {:?}", scratch.names());
+    }
 }
 
 #[test]
