@@ -217,9 +217,8 @@ impl Portion {
 
     /// Room for so many vertices, which have names.
     pub(crate) fn with_names(vertices: usize) -> Self {
-        let mut portion = Self::default();
-        portion.names = Some(Names::default());
-        portion.stars = Stars::default().with_tags();
+        let stars = Stars::default().with_tags();
+        let mut portion = Self { names: Some(Names::default()), stars, ..Self::default() };
         portion.reserve(vertices);
         portion
     }

@@ -3,5 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    xfm::memory::give_back_large_blocks();
     xfm::run(std::env::args_os())
 }

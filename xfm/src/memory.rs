@@ -8,6 +8,25 @@ use std::time::Duration;
 /// How often anonymous memory is looked at; a peak shorter than this may be missed.
 const PERIOD: Duration = Duration::from_millis(5);
 
+/// Blocks from here on go back to the system as soon as they are free.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const LARGE_BYTES: libc::c_int = 1 << 20;
+
+/// Has the allocator give large blocks back to the system when they are free, where it would not by itself.
+///
+/// The one of glibc takes every large block that is freed as a sign to keep blocks of that size, up to 32 MiB, and in an arena
+/// for each thread. What a process is said to be allowed then holds for what it uses, but not for what it has: a tenth to a
+/// sixth more was measured. A fixed size ends that; no difference in speed was found.
+pub fn give_back_large_blocks() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[allow(unsafe_code, reason = "there is no other way to tell the allocator")]
+    {
+        // SAFETY: the function takes two numbers and may be called at any time from any thread (mallopt(3)). Where it
+        // refuses, all stays as it was, so that what it returns does not matter.
+        unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE_BYTES) };
+    }
+}
+
 /// The most physical memory the process has had so far, mapped files included; `None` where the system does not tell.
 ///
 /// # Units

@@ -5,7 +5,8 @@ use std::cmp::Ordering;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// A triangle by the bits of its coordinates, beginning with its least corner; orientation is kept.
+/// A triangle by the bits of its coordinates, beginning with its least corner; orientation is kept. Minus zero is zero, as
+/// it is where vertices are welded.
 type Key = [[u32; 3]; 3];
 
 /// How the triangles of two meshes differ, as sets in which a triangle may occur more than once.
@@ -70,7 +71,9 @@ fn sorted_keys(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Key> {
     let mut keys: Vec<Key> = triangles
         .par_iter()
         .map(|triangle| {
-            let [a, b, c] = triangle.map(|v| positions[v as usize].to_array().map(f32::to_bits));
+            // Adding zero makes zero of minus zero and changes nothing else.
+            let bits = |v: u32| (positions[v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
+            let [a, b, c] = triangle.map(bits);
             // All three beginnings; the least of them is the same for the same triangle.
             [a, b, c].min([b, c, a]).min([c, a, b])
         })
@@ -94,6 +97,13 @@ mod tests {
         assert_eq!(same, Difference { missing: 0, extra: 0, near: None });
         let turned = difference((&SQUARE, &[[0, 1, 2]]), (&SQUARE, &[[0, 2, 1]]));
         assert_eq!((turned.missing, turned.extra), (1, 1));
+    }
+
+    #[test]
+    fn the_sign_of_zero_does_not_matter() {
+        let minus = [Vec3::new(-0.0, 0.0, -0.0), SQUARE[1], SQUARE[2]];
+        let found = difference((&SQUARE, &[[0, 1, 2]]), (&minus, &[[0, 1, 2]]));
+        assert_eq!(found, Difference { missing: 0, extra: 0, near: None });
     }
 
     #[test]
