@@ -6,7 +6,7 @@ use common::{forest, naive_mesh, random_records, small, sorted_triangles};
 use halfedge::HalfEdgeMesh;
 use mergetree::{
     BuildOptions, Dependencies, Forest, Front, NodeId, NodeStore, UpdateLimits,
-    collapse_in_independent_sets,
+    collapse_in_independent_sets, ranks,
 };
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -101,6 +101,44 @@ proptest! {
         }
         prop_assert_eq!(split_set(&second), target);
         prop_assert_eq!(sorted_triangles(a.to_mesh()), sorted_triangles(b.to_mesh()));
+    }
+
+    #[test]
+    fn ranks_stand_for_orders(
+        which in 0usize..5,
+        collapses in prop::collection::vec(any::<Index>(), 0..200),
+        sets in any::<bool>(),
+        steps in prop::collection::vec((any::<bool>(), any::<Index>()), 1..120),
+    ) {
+        let shape = &small()[which];
+        let records = if sets {
+            let options = { let mut o = BuildOptions::default(); o.base_faces = 4; o };
+            collapse_in_independent_sets(shape.mesh(), &shape.positions, &shape.normals(), &options, &|_| ())
+        } else {
+            random_records(shape, &collapses)
+        };
+        let mut ordered = forest(shape, &records);
+        prop_assume!(!ordered.nodes.is_empty());
+        let mut ranked = ordered.clone();
+        for (node, rank) in ranked.nodes.iter_mut().zip(ranks(&ordered).unwrap()) {
+            prop_assert!((rank as usize) < records.records.len());
+            node.order = rank;
+        }
+        let mut a = Front::new(&ordered, Dependencies::Order).unwrap();
+        let mut b = Front::new(&ranked, Dependencies::Order).unwrap();
+        for (split, pick) in &steps {
+            let id = id(pick, &ordered);
+            if *split {
+                a.split(&mut ordered, id, 0.0).unwrap();
+                b.split(&mut ranked, id, 0.0).unwrap();
+            } else {
+                let collapsed = a.collapse(&mut ordered, id);
+                prop_assert_eq!(collapsed, b.collapse(&mut ranked, id));
+            }
+            prop_assert_eq!(b.validate(&ranked), Ok(()));
+            prop_assert_eq!(split_set(&ordered), split_set(&ranked));
+            prop_assert_eq!(sorted_triangles(a.to_mesh()), sorted_triangles(b.to_mesh()));
+        }
     }
 
     #[test]
