@@ -9,7 +9,7 @@ pub(crate) const MAX_STEPS: i32 = 1 << 22;
 pub(crate) const NORMAL_STEPS: i32 = 255;
 /// Bits that codes of radius, cone sine and deviation lack at their end.
 pub(crate) const RADIUS_SHIFT: u32 = 3;
-pub(crate) const CONE_SHIFT: u32 = 3;
+pub(crate) const CONE_SHIFT: u32 = 4;
 pub(crate) const DEVIATION_SHIFT: u32 = 5;
 
 /// What numbers of nodes are rounded to before they are written: nothing for [`Encoding::Exact`](crate::Encoding::Exact), a
@@ -147,12 +147,24 @@ pub(crate) fn normal_steps(normal: OctNormal) -> [i32; 2] {
 }
 
 /// The normal of so many steps.
+#[inline]
 pub(crate) fn normal_at(steps: [i32; 2]) -> OctNormal {
-    OctNormal(steps.map(|c| divide(c * 32767, NORMAL_STEPS) as i16))
+    OctNormal(steps.map(|c| COMPONENTS[(c + NORMAL_STEPS) as usize]))
 }
 
+/// Components of normals by their steps from the least one on.
+const COMPONENTS: [i16; 2 * NORMAL_STEPS as usize + 1] = {
+    let mut components = [0; 2 * NORMAL_STEPS as usize + 1];
+    let mut steps = -NORMAL_STEPS;
+    while steps <= NORMAL_STEPS {
+        components[(steps + NORMAL_STEPS) as usize] = divide(steps * 32767, NORMAL_STEPS) as i16;
+        steps += 1;
+    }
+    components
+};
+
 /// A quotient rounded to the nearest integer, halves away from zero; the divisor is positive.
-fn divide(a: i32, b: i32) -> i32 {
+const fn divide(a: i32, b: i32) -> i32 {
     (2 * a.abs() + b) / (2 * b) * a.signum()
 }
 

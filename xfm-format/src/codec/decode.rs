@@ -4,7 +4,7 @@ use std::io;
 
 use mergetree::{BoundCodes, Node, NodeId};
 
-use super::compact::{Coder, Model, Part, Reader, Tables};
+use super::compact::{Coder, Model, Part, Reader, Symbols, Tables};
 use super::shape::{Kind, Preorder, Shape, Side};
 use super::{FieldBytes, LINK_TABLES, PageContext, Reference, SHAPE_TABLES, shape_table};
 use crate::column::{
@@ -138,18 +138,22 @@ impl PageDecoder {
 
         reader.tables(SHAPE_TABLES).map_err(in_page)?;
         self.values.clear();
+        let mut symbols = reader.symbols();
         let mut last = 0;
-        for _ in 0..entry.nodes {
-            last = reader.symbol(shape_table(last), 0);
-            self.values.push(last.into());
-        }
+        self.values.extend((0..entry.nodes).map(|_| {
+            last = symbols.symbol(shape_table(last), 0);
+            u64::from(last)
+        }));
+        symbols.end();
         reader.mark();
         self.place(&cursor, entry, context, page)?;
         reader.tables(LINK_TABLES).map_err(in_page)?;
         for table in 0..LINK_TABLES {
             let count = self.count_links(table);
             self.values.clear();
-            self.values.extend((0..count).map(|_| reader.value(table, 0)));
+            let mut symbols = reader.symbols();
+            self.values.extend((0..count).map(|_| symbols.value(table, 0)));
+            symbols.end();
             self.links_of(table, context, page)?;
         }
         reader.mark();

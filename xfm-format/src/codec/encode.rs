@@ -4,7 +4,7 @@ use std::io;
 
 use mergetree::{BoundCodes, Node, NodeId};
 
-use super::compact::{Coder, Model, Part, Writer};
+use super::compact::{Coder, Model, Part, Symbols, Writer};
 use super::shape::{Kind, Preorder, Shape, Side};
 use super::{FieldBytes, LINK_TABLES, PageContext, Reference, SHAPE_TABLES, shape_table};
 use crate::column::{ColumnEncoder, float_difference, short_difference, zigzag};
@@ -98,7 +98,7 @@ impl PageEncoder {
         let mut last = 0;
         for shape in &self.shapes {
             let code = shape.code() as u32;
-            writer.symbol(shape_table(last), code);
+            writer.symbols().symbol(shape_table(last), code);
             last = code;
         }
         writer.mark();
@@ -106,7 +106,7 @@ impl PageEncoder {
         for table in 0..LINK_TABLES {
             self.links_of(table, page, context);
             for &value in &self.values {
-                writer.value(table, value);
+                writer.symbols().value(table, value);
             }
         }
         writer.mark();

@@ -4,7 +4,7 @@
 //! Duda, *Asymmetric numeral systems: entropy coding combining speed of Huffman coding with compression rate of arithmetic
 //! coding*, 2013; Giesen, *Interleaved entropy coders*, 2014.
 
-use crate::column::{Cursor, push_varint};
+use crate::column::{Cursor, push_varint, unzigzag, zigzag};
 use crate::error::Defect;
 
 /// Frequencies of a table add up to two to this power.
@@ -17,97 +17,114 @@ const MAX_SYMBOLS: usize = 256;
 /// Tables that are in use at once.
 pub(super) const MAX_TABLES: usize = 16;
 /// A count's class at most.
-const MAX_CLASS: u64 = 64;
+const MAX_CLASS: i64 = 33;
 
 /// One way of the codec: the model of a page says what there is, a coder writes it or reads it.
 pub(in crate::codec) trait Coder {
     /// Whether what it is given is written; otherwise it is ignored, and what was read is returned.
     const WRITES: bool;
 
+    /// What takes symbols of a part.
+    type Symbols<'a>: Symbols
+    where
+        Self: 'a;
+
     /// Begins a part with tables 0 to `count` of its own.
     fn tables(&mut self, count: usize) -> Result<(), &'static str>;
+
+    /// What takes the symbols; they are taken for good when it is [ended](Symbols::end).
+    fn symbols(&mut self) -> Self::Symbols<'_>;
+
+    /// Ends the part that a kind of field takes.
+    fn mark(&mut self);
+}
+
+/// Takes symbols and bits. A value of its own and not behind a reference, so that a reader's is all in registers.
+pub(in crate::codec) trait Symbols: Sized {
+    /// As that of the coder.
+    const WRITES: bool;
 
     /// A symbol below [`MAX_SYMBOLS`] by a table.
     fn symbol(&mut self, table: usize, symbol: u32) -> u32;
 
-    /// A number of so many bits, at most 57.
+    /// A number of so many bits, at most 56.
     fn bits(&mut self, count: u32, value: u64) -> u64;
 
-    /// Ends the part that a kind of field takes.
-    fn mark(&mut self);
+    /// Hands back to the coder.
+    fn end(self);
 
     /// A number: its magnitude and two bits below the highest one are a symbol, the rest plain bits.
-    #[inline]
+    #[inline(always)]
     fn value(&mut self, table: usize, value: u64) -> u64 {
-        let symbol = if !Self::WRITES {
-            0
-        } else if value < 8 {
-            value as u32
-        } else {
-            let exponent = 63 - value.leading_zeros();
-            8 + (exponent - 3) * 4 + (value >> (exponent - 2) & 3) as u32
-        };
-        let symbol = self.symbol(table, symbol);
-        if symbol < 8 {
-            return symbol.into();
+        let mut symbol = 0;
+        if Self::WRITES {
+            symbol = value as u32;
+            if value >= 8 {
+                let exponent = 63 - value.leading_zeros();
+                symbol = 8 + (exponent - 3) * 4 + (value >> (exponent - 2) & 3) as u32;
+            }
         }
-        // Five more than there are magnitudes fit a symbol of eight bits.
-        let count = (symbol - 8 >> 2).min(55) + 1;
-        let high = u64::from(4 | (symbol & 3)) << count;
-        high | self.bits(count, value & ((1 << count) - 1))
+        let symbol = self.symbol(table, symbol);
+        // Five more magnitudes than there are fit a symbol of eight bits. No branches: they would be taken at random.
+        let is_small = symbol < 8;
+        let count = if is_small { 0 } else { (symbol.wrapping_sub(8) >> 2).min(55) + 1 };
+        let high = if is_small { symbol } else { 4 | (symbol & 3) };
+        u64::from(high) << count | self.bits(count, value & ((1 << count) - 1))
+    }
+
+    /// A number of either sign: 0, −1, 1, −2, 2, … are 0, 1, 2, 3, 4, ….
+    #[inline(always)]
+    fn signed(&mut self, table: usize, value: i64) -> i64 {
+        let value = if Self::WRITES { zigzag(value) } else { 0 };
+        unzigzag(self.value(table, value))
     }
 }
 
 /// The numbers that a class of counts stands for: 0, 1, then two to each power of two.
-fn class_weight(class: u64) -> u64 {
+fn class_weight(class: u32) -> u32 {
     if class < 2 { class } else { (2 + (class & 1)) << ((class >> 1) - 1) }
 }
 
 /// The class that a count is nearest to, by their ratio.
-fn class_of(count: u64) -> u64 {
+fn class_of(count: u32) -> u32 {
     if count < 4 {
         return count;
     }
-    let exponent = u64::from(63 - count.leading_zeros());
+    let exponent = 31 - count.leading_zeros();
     let class = 2 * exponent + (count >> (exponent - 1) & 1);
-    let up = count * count >= class_weight(class) * class_weight(class + 1);
-    class + u64::from(up)
+    let between = u64::from(class_weight(class)) * u64::from(class_weight(class + 1));
+    (class + u32::from(u64::from(count) * u64::from(count) >= between)).min(MAX_CLASS as u32)
 }
 
 /// Frequencies of symbols that add up to [`FREQUENCIES`], in the ratio of the weights as far as possible, none of them lost.
-fn frequencies(weights: &[u64], into: &mut [u32]) -> Result<(), &'static str> {
-    let total: u64 = weights.iter().sum();
+/// There is a weight at least.
+fn frequencies(weights: &[u32], into: &mut [u32]) {
+    let total: u32 = weights.iter().sum();
     if total == 0 {
         // Nothing comes of it, and so anything goes.
-        if let Some(first) = into.first_mut() {
-            *first = FREQUENCIES;
-        }
-        return Ok(());
+        into.fill(0);
+        into[0] = FREQUENCIES;
+        return;
     }
-    let mut left = i64::from(FREQUENCIES);
-    for (frequency, &weight) in into.iter_mut().zip(weights) {
-        let share = (weight << FREQUENCY_BITS) / total;
-        *frequency = if weight > 0 { share.max(1) as u32 } else { 0 };
-        left -= i64::from(*frequency);
-    }
-    // The first one of the most frequent.
-    let largest = |into: &[u32]| {
-        let mut largest = 0;
-        for (symbol, &frequency) in into.iter().enumerate() {
-            if frequency > into[largest] {
-                largest = symbol;
-            }
+    let mut left = FREQUENCIES as i32;
+    let mut largest = 0;
+    for (symbol, &weight) in weights.iter().enumerate() {
+        let least = u32::from(weight > 0);
+        let frequency = ((weight << FREQUENCY_BITS) / total).max(least);
+        into[symbol] = frequency;
+        left -= frequency as i32;
+        if frequency > into[largest] {
+            largest = symbol;
         }
-        largest
-    };
+    }
     while left < 0 {
-        let symbol = largest(into);
-        into[symbol] -= 1;
+        // The first one of the most frequent.
+        let most = into.iter().copied().max().unwrap_or(0);
+        largest = into.iter().position(|&frequency| frequency == most).unwrap_or(0);
+        into[largest] -= 1;
         left += 1;
     }
-    let symbol = largest(into);
-    into[symbol] += left as u32;
-    Ok(())
+    into[largest] += left as u32;
 }
 
 #[derive(Clone)]
@@ -116,31 +133,41 @@ struct Table {
     entries: Box<[u32; FREQUENCIES as usize]>,
 }
 
-/// Reads a page.
-pub(in crate::codec) struct Reader<'a> {
-    words: &'a [u8],
-    states: [u32; 2],
-    bits: &'a [u8],
-    /// Bits taken from the stream and not used yet.
-    held: u64,
-    num_held: u32,
-    /// Whether more was read than there is.
-    overrun: bool,
-    tables: Tables,
-    marks: Vec<usize>,
-    start: usize,
-}
-
 /// Memory for tables, to be used again.
 pub(in crate::codec) struct Tables {
     tables: Vec<Table>,
+    weights: [u32; MAX_SYMBOLS],
+    frequencies: [u32; MAX_SYMBOLS],
 }
 
 impl Tables {
     pub fn new() -> Self {
         let entries = Box::new([0; FREQUENCIES as usize]);
-        Self { tables: vec![Table { entries }; MAX_TABLES] }
+        Self {
+            tables: vec![Table { entries }; MAX_TABLES],
+            weights: [0; MAX_SYMBOLS],
+            frequencies: [0; MAX_SYMBOLS],
+        }
     }
+}
+
+/// Where a reader is. Beyond the end all is zero, and it goes on: in the end it is seen that it went too far.
+#[derive(Clone, Copy)]
+struct State<'a> {
+    words: &'a [u8],
+    words_at: usize,
+    /// The state of the next symbol and that of the one after it.
+    state: u32,
+    other: u32,
+    bits: &'a [u8],
+    bits_at: usize,
+}
+
+/// Reads a page.
+pub(in crate::codec) struct Reader<'a> {
+    state: State<'a>,
+    tables: Tables,
+    marks: Vec<usize>,
 }
 
 impl<'a> Reader<'a> {
@@ -154,138 +181,155 @@ impl<'a> Reader<'a> {
         let state = |at: usize| {
             states[at..].first_chunk().map_or(0, |&bytes: &[u8; 4]| u32::from_le_bytes(bytes))
         };
-        Ok(Self {
-            start: words.len() + bits.len(),
-            words,
-            states: [state(0), state(4)],
-            bits,
-            held: 0,
-            num_held: 0,
-            overrun: false,
-            tables,
-            marks: Vec::new(),
-        })
+        let [state, other] = [state(0), state(4)];
+        let state = State { words, words_at: 0, state, other, bits, bits_at: 0 };
+        Ok(Self { state, tables, marks: Vec::new() })
     }
 
     /// That all was read, and nothing more.
     pub fn finish(self) -> Result<(Vec<usize>, Tables), &'static str> {
-        if self.overrun {
+        let State { words, words_at, state, other, bits, bits_at } = self.state;
+        if words_at > words.len() || bits_at > 8 * bits.len() {
             return Err("has fewer symbols or bits than nodes need");
         }
-        if !self.words.is_empty() || self.states != [LEAST_STATE; 2] {
+        if words_at < words.len() || [state, other] != [LEAST_STATE; 2] {
             return Err("has symbols that lead nowhere");
         }
-        if self.held != 0 || self.bits.iter().any(|&byte| byte != 0) {
+        let mut rest = bits[bits_at / 8..].iter();
+        let used = bits_at % 8;
+        if rest.next().is_some_and(|&byte| byte >> used != 0) || rest.any(|&byte| byte != 0) {
             return Err("has bits too many");
         }
         Ok((self.marks, self.tables))
     }
 
-    #[inline]
-    fn refill(&mut self) {
-        if let Some(next) = self.bits.first_chunk::<8>() {
-            let taken = (63 - self.num_held) / 8;
-            let next = u64::from_le_bytes(*next) & (u64::MAX >> (64 - 8 * taken));
-            self.held |= next << self.num_held;
-            self.num_held += 8 * taken;
-            self.bits = &self.bits[taken as usize..];
-        } else {
-            while self.num_held <= 56 {
-                let Some((&next, rest)) = self.bits.split_first() else { break };
-                self.held |= u64::from(next) << self.num_held;
-                self.num_held += 8;
-                self.bits = rest;
-            }
-        }
-    }
-
-    fn gamma(&mut self) -> u64 {
-        let mut length = 0;
-        while self.bits(1, 0) == 0 {
-            length += 1;
-            if length > 20 {
-                self.overrun = true;
-                return 1;
-            }
-        }
-        1 << length | self.bits(length, 0)
-    }
-
     fn table(&mut self, number: usize) -> Result<(), &'static str> {
-        let mut weights = [0; MAX_SYMBOLS];
-        let mut frequencies_of = [0; MAX_SYMBOLS];
-        let count = (self.gamma() - 1) as usize;
+        let Tables { tables, weights, frequencies: shares } = &mut self.tables;
+        let count = (self.state.gamma() - 1) as usize;
         if count > MAX_SYMBOLS {
             return Err("has a table of too many symbols");
         }
-        let mut class = 0i64;
+        let weights = &mut weights[..count.max(1)];
+        weights[0] = 0;
+        let mut class = 0;
         for weight in &mut weights[..count] {
-            class += crate::column::unzigzag(self.gamma() - 1);
-            if !(0..=MAX_CLASS as i64).contains(&class) {
+            class += unzigzag(self.state.gamma() - 1);
+            if !(0..=MAX_CLASS).contains(&class) {
                 return Err("has a table with a frequency that cannot be");
             }
-            *weight = class_weight(class as u64);
+            *weight = class_weight(class as u32);
         }
-        frequencies(&weights[..count.max(1)], &mut frequencies_of[..count.max(1)])?;
-        let entries = &mut self.tables.tables[number].entries;
-        let mut at = 0;
-        for (symbol, &frequency) in (0..).zip(&frequencies_of[..count.max(1)]) {
-            let end = at + frequency as usize;
-            let entry = symbol | frequency << 8;
-            for (offset, into) in (0..).zip(&mut entries[at..end]) {
-                *into = entry | offset << 20;
+        let shares = &mut shares[..count.max(1)];
+        frequencies(weights, shares);
+        let mut rest = &mut tables[number].entries[..];
+        for (symbol, &frequency) in (0..).zip(&*shares) {
+            let (own, others) = rest.split_at_mut((frequency as usize).min(rest.len()));
+            let mut entry = symbol | frequency << 8;
+            for into in own {
+                *into = entry;
+                entry += 1 << 20;
             }
-            at = end;
+            rest = others;
         }
         Ok(())
     }
 }
 
-impl Coder for Reader<'_> {
+impl<'a> Coder for Reader<'a> {
     const WRITES: bool = false;
+
+    type Symbols<'s>
+        = Reading<'s, 'a>
+    where
+        Self: 's;
 
     fn tables(&mut self, count: usize) -> Result<(), &'static str> {
         (0..count).try_for_each(|number| self.table(number))
     }
 
-    #[inline]
-    fn symbol(&mut self, table: usize, _: u32) -> u32 {
-        let [state, other] = self.states;
-        let entries = &self.tables.tables[table].entries;
-        let entry = entries[(state % FREQUENCIES) as usize];
-        let frequency = entry >> 8 & 0xfff;
-        let mut state = frequency.wrapping_mul(state >> FREQUENCY_BITS).wrapping_add(entry >> 20);
-        if state < LEAST_STATE {
-            if let Some((&word, rest)) = self.words.split_first_chunk::<2>() {
-                state = state << 16 | u32::from(u16::from_le_bytes(word));
-                self.words = rest;
-            } else {
-                self.overrun = true;
-            }
-        }
-        self.states = [other, state];
-        entry & 0xff
-    }
-
-    #[inline]
-    fn bits(&mut self, count: u32, _: u64) -> u64 {
-        if self.num_held < count {
-            self.refill();
-            if self.num_held < count {
-                self.overrun = true;
-                return 0;
-            }
-        }
-        let value = self.held & ((1 << count) - 1);
-        self.held >>= count;
-        self.num_held -= count;
-        value
+    #[inline(always)]
+    fn symbols(&mut self) -> Reading<'_, 'a> {
+        Reading { at: self.state, home: &mut self.state, tables: &self.tables.tables }
     }
 
     fn mark(&mut self) {
-        let rest = self.words.len() + self.bits.len() + self.num_held as usize / 8;
-        self.marks.push(self.start - rest);
+        let State { words_at, bits_at, .. } = self.state;
+        self.marks.push(words_at + bits_at.div_ceil(8));
     }
+}
+
+/// Reads symbols.
+pub(in crate::codec) struct Reading<'s, 'a> {
+    at: State<'a>,
+    home: &'s mut State<'a>,
+    tables: &'s [Table],
+}
+
+impl Symbols for Reading<'_, '_> {
+    const WRITES: bool = false;
+
+    #[inline(always)]
+    fn symbol(&mut self, table: usize, _: u32) -> u32 {
+        let at = &mut self.at;
+        let state = std::mem::replace(&mut at.state, at.other);
+        let entry = self.tables[table].entries[(state % FREQUENCIES) as usize];
+        let frequency = entry >> 8 & 0xfff;
+        let state = frequency.wrapping_mul(state >> FREQUENCY_BITS).wrapping_add(entry >> 20);
+        let word = at.words.get(at.words_at..).and_then(|words| words.first_chunk());
+        let word = word.map_or(0, |&word| u16::from_le_bytes(word));
+        // Whether a word is due is a matter of chance, so there is no branch for it.
+        let is_due = state < LEAST_STATE;
+        at.other = if is_due { state << 16 | u32::from(word) } else { state };
+        at.words_at += if is_due { 2 } else { 0 };
+        entry & 0xff
+    }
+
+    #[inline(always)]
+    fn bits(&mut self, count: u32, _: u64) -> u64 {
+        self.at.take(count)
+    }
+
+    #[inline(always)]
+    fn end(self) {
+        *self.home = self.at;
+    }
+}
+
+impl State<'_> {
+    /// The next bits, 57 of them at least.
+    #[inline(always)]
+    fn ahead(&self) -> u64 {
+        let rest = self.bits.get(self.bits_at / 8..).unwrap_or_default();
+        let bytes = match rest.first_chunk() {
+            Some(&bytes) => u64::from_le_bytes(bytes),
+            None => last_bytes(rest),
+        };
+        bytes >> (self.bits_at % 8)
+    }
+
+    /// A number of so many bits, at most 56.
+    #[inline(always)]
+    fn take(&mut self, count: u32) -> u64 {
+        let value = self.ahead() & ((1 << count) - 1);
+        self.bits_at += count as usize;
+        value
+    }
+
+    /// A number from 1 on, as many zeros as it has bits after its highest one before it.
+    #[inline(always)]
+    fn gamma(&mut self) -> u64 {
+        let ahead = self.ahead();
+        // Where there are more zeros than that it went too far, or it is one that cannot be.
+        let length = ahead.trailing_zeros().min(24);
+        self.bits_at += 2 * length as usize + 1;
+        1 << length | (ahead >> (length + 1) & ((1 << length) - 1))
+    }
+}
+
+/// Fewer than eight bytes.
+#[cold]
+fn last_bytes(bytes: &[u8]) -> u64 {
+    bytes.iter().rev().fold(0, |all, &byte| all << 8 | u64::from(byte))
 }
 
 /// Writes a page, after its model has said all there is.
@@ -390,12 +434,26 @@ impl Writer {
 impl Coder for Writer {
     const WRITES: bool = true;
 
+    type Symbols<'s> = &'s mut Self;
+
     fn tables(&mut self, count: usize) -> Result<(), &'static str> {
         self.first_table = self.counts.len();
         self.bits.push(Bits::Tables { first: self.first_table, count });
         self.counts.resize(self.first_table + count, [0; MAX_SYMBOLS]);
         Ok(())
     }
+
+    fn symbols(&mut self) -> &mut Self {
+        self
+    }
+
+    fn mark(&mut self) {
+        self.marks.push((self.symbols.len(), self.bits.len()));
+    }
+}
+
+impl Symbols for &mut Writer {
+    const WRITES: bool = true;
 
     fn symbol(&mut self, table: usize, symbol: u32) -> u32 {
         let table = self.first_table + table;
@@ -405,13 +463,13 @@ impl Coder for Writer {
     }
 
     fn bits(&mut self, count: u32, value: u64) -> u64 {
-        self.bits.push(Bits::Plain { count, value });
+        if count > 0 {
+            self.bits.push(Bits::Plain { count, value });
+        }
         value
     }
 
-    fn mark(&mut self) {
-        self.marks.push((self.symbols.len(), self.bits.len()));
-    }
+    fn end(self) {}
 }
 
 /// Bits in bytes, the lowest first.
@@ -451,13 +509,12 @@ impl BitStream {
         let mut weights = [0; MAX_SYMBOLS];
         let mut last = 0;
         for (weight, &count) in weights.iter_mut().zip(&counts[..count]) {
-            let class = class_of(count.into());
-            self.gamma(1 + crate::column::zigzag(class as i64 - last));
-            last = class as i64;
+            let class = class_of(count);
+            self.gamma(1 + zigzag(i64::from(class) - last));
+            last = class.into();
             *weight = class_weight(class);
         }
-        // Fails for no table that is written.
-        frequencies(&weights[..count.max(1)], &mut into[..count.max(1)]).ok();
+        frequencies(&weights[..count.max(1)], &mut into[..count.max(1)]);
     }
 
     fn finish(mut self) -> Vec<u8> {

@@ -10,11 +10,10 @@ mod star;
 use glam::Vec3;
 use mergetree::{BoundCodes, Node, NodeId};
 
-pub(super) use self::entropy::{Coder, Reader, Tables, Writer};
+pub(super) use self::entropy::{Coder, Reader, Symbols, Tables, Writer};
 use self::star::Stars;
 use super::{PageContext, Reference};
 use crate::bounds::enclosing_radius;
-use crate::column::{unzigzag, zigzag};
 use crate::rounding::{
     CONE_SHIFT, DEVIATION_SHIFT, MAX_STEPS, NORMAL_STEPS, RADIUS_SHIFT, normal_at, normal_steps,
 };
@@ -51,6 +50,7 @@ pub(super) struct Model {
     sequence: Vec<u32>,
     firsts: Vec<u32>,
     normals: Vec<[i32; 2]>,
+    directions: Vec<[i32; 3]>,
     corners: Vec<[i32; 3]>,
     /// Per node what its children in the page demand.
     demands: Vec<Demand>,
@@ -110,6 +110,7 @@ impl Model {
     fn order<C: Coder>(&mut self, coder: &mut C, part: &mut Part<'_>) -> Result<(), &'static str> {
         const TOP: usize = 2;
         coder.tables(3)?;
+        let mut symbols = coder.symbols();
         let mut last = 0;
         for index in 0..part.nodes.len() {
             let own = i64::from(part.nodes[index].order);
@@ -118,10 +119,10 @@ impl Model {
                 let parent = &part.nodes[reference.node as usize];
                 let table = usize::from(parent.left == Some(part.ids[index]));
                 let above = i64::from(parent.order) - 1;
-                let down = coder.value(table, above.wrapping_sub(own) as u64);
+                let down = symbols.value(table, above.wrapping_sub(own) as u64);
                 above.checked_sub_unsigned(down)
             } else {
-                let order = last + unzigzag(coder.value(TOP, zigzag(own - last)));
+                let order = last + symbols.signed(TOP, own - last);
                 last = order;
                 Some(order)
             };
@@ -129,6 +130,7 @@ impl Model {
             let order = order.filter(|order| (0..i64::from(u32::MAX)).contains(order));
             part.nodes[index].order = order.ok_or("has an order that cannot be")? as u32;
         }
+        symbols.end();
         Ok(())
     }
 
@@ -206,25 +208,27 @@ impl Model {
     ) -> Result<(), &'static str> {
         coder.tables(star::NUM_TABLES)?;
         self.stars.restart(part.nodes.len());
+        let mut symbols = coder.symbols();
         for &node in &self.sequence {
-            let kin = self.kin[node as usize];
-            let parent = (kin.parent != NO_PARENT).then_some((kin.parent, kin.is_left));
-            self.stars.node(coder, part, node, parent)?;
+            symbols = self.stars.node(symbols, part, node, self.kin[node as usize]);
         }
-        Ok(())
+        symbols.end();
+        self.stars.check()
     }
 
     fn normal<C: Coder>(&mut self, coder: &mut C, part: &mut Part<'_>) -> Result<(), &'static str> {
         coder.tables(4)?;
+        let mut symbols = coder.symbols();
         self.normals.clear();
+        self.directions.clear();
         for (index, node) in part.nodes.iter_mut().enumerate() {
             let kin = self.kin[index];
             let near = self.normals.get(kin.near as usize).copied().unwrap_or_default();
             let own = normal_steps(node.normal);
             let mut steps = [0; 2];
             for axis in 0..2 {
-                let difference = zigzag(i64::from(own[axis] - near[axis]));
-                let difference = unzigzag(coder.value(usize::from(kin.class), difference));
+                let difference = i64::from(own[axis] - near[axis]);
+                let difference = symbols.signed(kin.class.into(), difference);
                 let step = i64::from(near[axis]).wrapping_add(difference);
                 if step.unsigned_abs() > NORMAL_STEPS as u64 {
                     return Err("has a normal that cannot be");
@@ -232,8 +236,10 @@ impl Model {
                 steps[axis] = step as i32;
             }
             self.normals.push(steps);
+            self.directions.push(direction(steps));
             node.normal = normal_at(steps);
         }
+        symbols.end();
         Ok(())
     }
 
@@ -245,15 +251,18 @@ impl Model {
         /// Tables of the axis that normals point along are those after the others.
         const ALONG: usize = 4;
         coder.tables(8)?;
+        let mut symbols = coder.symbols();
         self.corners.clear();
         let rounding = part.context.rounding;
         for (index, node) in part.nodes.iter_mut().enumerate() {
             let kin = self.kin[index];
             let near = self.corners.get(kin.near as usize).copied().unwrap_or_default();
             let own = if C::WRITES { rounding.corner(node.position).unwrap_or_default() } else { [0; 3] };
-            let normal = add(long(self.normals[index]), long(self.normals[kin.near as usize]));
+            let [own_way, near_way] = [index, kin.near as usize].map(|node| self.directions[node]);
+            let normal = [0, 1, 2].map(|axis| own_way[axis] + near_way[axis]);
             let along = largest(normal);
-            let (b, c) = ((along + 1) % 3, (along + 2) % 3);
+            const OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
+            let [b, c] = OTHERS[along];
             let mut moved = [0i64; 3];
             let mut flat = 0;
             for axis in [b, c, along] {
@@ -261,17 +270,17 @@ impl Model {
                 let mut table = usize::from(kin.class);
                 if axis == along {
                     // In the plane of the normals.
-                    expected = divide(-flat, normal[along]);
+                    expected = divide(-flat, normal[along].into());
                     table += ALONG;
                 }
                 let difference = i64::from(own[axis] - near[axis]) - expected;
-                let difference = unzigzag(coder.value(table, zigzag(difference)));
+                let difference = symbols.signed(table, difference);
                 moved[axis] = expected.wrapping_add(difference);
                 // Further than any two corners are apart.
                 if moved[axis].unsigned_abs() > 2 * MAX_STEPS as u64 {
                     return Err("has a position that cannot be");
                 }
-                flat += moved[axis] * normal[axis];
+                flat += moved[axis] * i64::from(normal[axis]);
             }
             let corner = [0, 1, 2].map(|axis| near[axis] + moved[axis] as i32);
             if corner.iter().any(|c| c.abs() > MAX_STEPS) {
@@ -280,11 +289,13 @@ impl Model {
             self.corners.push(corner);
             node.position = rounding.at(corner);
         }
+        symbols.end();
         Ok(())
     }
 
     fn radius<C: Coder>(&mut self, coder: &mut C, part: &mut Part<'_>) -> Result<(), &'static str> {
         coder.tables(3)?;
+        let mut symbols = coder.symbols();
         self.demands.clear();
         self.demands.resize(part.nodes.len(), Demand::default());
         for index in (0..part.nodes.len()).rev() {
@@ -297,7 +308,7 @@ impl Model {
             let expected = BoundCodes::encode_up(demand).unwrap_or(BoundCodes::MAX);
             let expected = i64::from(raised(expected, RADIUS_SHIFT));
             let own = i64::from(code(part.nodes[index].radius) >> RADIUS_SHIFT);
-            let difference = unzigzag(coder.value(kin.children.into(), zigzag(own - expected)));
+            let difference = symbols.signed(kin.children.into(), own - expected);
             let radius = bound(expected.wrapping_add(difference), RADIUS_SHIFT, BoundCodes::MAX)?;
             part.nodes[index].radius = radius;
             if kin.parent != NO_PARENT {
@@ -306,6 +317,7 @@ impl Model {
                 demand.radius = demand.radius.max(enclosing_radius(parent, position, radius));
             }
         }
+        symbols.end();
         Ok(())
     }
 
@@ -313,6 +325,7 @@ impl Model {
         const INNER: usize = 4;
         const FULL: usize = 6;
         coder.tables(7)?;
+        let mut symbols = coder.symbols();
         for index in (0..part.nodes.len()).rev() {
             let kin = self.kin[index];
             let demand = self.demands[index].cone;
@@ -328,7 +341,7 @@ impl Model {
             };
             let own = i64::from(code(part.nodes[index].cone_sine) >> CONE_SHIFT);
             let expected = i64::from(expected);
-            let difference = unzigzag(coder.value(table, zigzag(own - expected)));
+            let difference = symbols.signed(table, own - expected);
             let cone = expected.wrapping_add(difference);
             part.nodes[index].cone_sine = bound(cone, CONE_SHIFT, BoundCodes::ONE)?;
             if kin.parent != NO_PARENT {
@@ -336,6 +349,7 @@ impl Model {
                 *demand = (*demand).max(cone as u16);
             }
         }
+        symbols.end();
         Ok(())
     }
 
@@ -345,14 +359,14 @@ impl Model {
         part: &mut Part<'_>,
     ) -> Result<(), &'static str> {
         coder.tables(3)?;
+        let mut symbols = coder.symbols();
         let least = BoundCodes::encode_up(part.context.rounding.error()).unwrap_or(BoundCodes::MAX);
         let least = raised(least, DEVIATION_SHIFT);
         for index in (0..part.nodes.len()).rev() {
             let kin = self.kin[index];
             let expected = i64::from(self.demands[index].deviation.max(least));
             let own = i64::from(code(part.nodes[index].deviation) >> DEVIATION_SHIFT);
-            let difference = zigzag(own - expected);
-            let difference = unzigzag(coder.value(kin.children.into(), difference));
+            let difference = symbols.signed(kin.children.into(), own - expected);
             let deviation = expected.wrapping_add(difference);
             part.nodes[index].deviation = bound(deviation, DEVIATION_SHIFT, BoundCodes::MAX)?;
             if kin.parent != NO_PARENT {
@@ -360,6 +374,7 @@ impl Model {
                 *demand = (*demand).max(deviation as u16);
             }
         }
+        symbols.end();
         Ok(())
     }
 }
@@ -386,28 +401,28 @@ fn distance(a: Vec3, b: Vec3) -> f64 {
 }
 
 /// A normal as a vector whose components' magnitudes add up to [`NORMAL_STEPS`], or nearly.
-fn long([x, y]: [i32; 2]) -> [i64; 3] {
+#[inline(always)]
+fn direction([x, y]: [i32; 2]) -> [i32; 3] {
     let z = NORMAL_STEPS - x.abs() - y.abs();
     let fold = (-z).max(0);
     let sign = |c: i32| if c < 0 { -1 } else { 1 };
-    [x - fold * sign(x), y - fold * sign(y), z].map(i64::from)
-}
-
-fn add(a: [i64; 3], b: [i64; 3]) -> [i64; 3] {
-    [0, 1, 2].map(|axis| a[axis] + b[axis])
+    [x - fold * sign(x), y - fold * sign(y), z]
 }
 
 /// The axis of the largest component, the first one of those, and z for a vector of nothing.
-fn largest(v: [i64; 3]) -> usize {
-    let [x, y, z] = v.map(i64::abs);
+#[inline(always)]
+fn largest(v: [i32; 3]) -> usize {
+    let [x, y, z] = v.map(i32::abs);
     if x >= y && x >= z && x > 0 { 0 } else if y >= z && y > 0 { 1 } else { 2 }
 }
 
-/// A quotient rounded to the nearest integer, halves up; zero where the divisor is zero.
+/// A quotient rounded to the nearest integer, halves up; zero where the divisor is zero. It is below 2^31, and the divisor
+/// small; so it differs from a half by more than what is lost in floating point, which is faster.
+#[inline(always)]
 fn divide(a: i64, b: i64) -> i64 {
     if b == 0 {
         return 0;
     }
-    let (a, b) = (a * b.signum(), b.abs());
-    (2 * a + b).div_euclid(2 * b)
+    const UP: i64 = 1 << 32;
+    (a as f64 / b as f64 + 0.5 + UP as f64) as i64 - UP
 }
