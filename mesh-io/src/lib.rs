@@ -1,7 +1,7 @@
 //! Triangle streams and in-core meshes: STL, PLY, OBJ and glTF/GLB in and out.
 //!
 //! Two traits are the reason for this crate: [`TriangleSource`] hands out the triangles of a file or a pipe batch by
-//! batch, [`TriangleSink`] takes them. [`IndexedMesh`] is the whole mesh in memory.
+//! batch, [`TriangleSink`] takes them. [`IndexedMesh`] is the whole mesh in memory, [`IndexedSource`] one that need not be.
 //!
 //! ```
 //! # #[cfg(all(feature = "obj", feature = "stl"))] {
@@ -49,6 +49,7 @@
 mod error;
 mod format;
 mod frame;
+mod indexed;
 mod mesh;
 mod read;
 mod stream;
@@ -74,6 +75,7 @@ mod stl;
 pub use error::{Error, Place};
 pub use format::{Format, Packing};
 pub use frame::Frame;
+pub use indexed::{IndexedSource, Take};
 pub use mesh::{IndexedMesh, Triangle};
 pub use read::{
     ReadOptions, open_source, open_source_with, read_mesh, read_mesh_from, read_mesh_in_frame,
@@ -81,6 +83,6 @@ pub use read::{
 };
 pub use stream::{MeshSource, TriangleSink, TriangleSource};
 pub use write::{
-    create_sink, create_sink_as, create_sink_in, sink_to, sink_to_in, write_mesh, write_mesh_as,
-    write_mesh_to,
+    create_sink, create_sink_as, create_sink_in, sink_to, sink_to_in, write_indexed,
+    write_indexed_to, write_mesh, write_mesh_as, write_mesh_to,
 };

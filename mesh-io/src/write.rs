@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use crate::{Error, Format, Frame, IndexedMesh, TriangleSink};
+use crate::{Error, Format, Frame, IndexedMesh, IndexedSource, Place, TriangleSink};
 
 /// Writes a whole mesh; the format goes by the extension, and `.gz` or `.zst` after it packs the file.
 ///
@@ -23,8 +23,24 @@ pub fn write_mesh(path: &Path, mesh: &IndexedMesh) -> Result<(), Error> {
 ///
 /// As [`write_mesh`].
 pub fn write_mesh_as(path: &Path, format: Option<Format>, mesh: &IndexedMesh) -> Result<(), Error> {
+    write_indexed(path, format, &mut checked(mesh, &path.display().to_string())?, Frame::default())
+}
+
+/// [`write_mesh_as`] for a mesh that need not be in memory and is in a frame: the frame's origin is added in `f64` to what is
+/// written, and where the frame needs it coordinates are written as doubles, if the format has them (see
+/// [`Format::holds_doubles`]); otherwise they are rounded to `f32`.
+///
+/// # Errors
+///
+/// As [`write_mesh`], and those of the mesh.
+pub fn write_indexed(
+    path: &Path,
+    format: Option<Format>,
+    mesh: &mut dyn IndexedSource,
+    frame: Frame,
+) -> Result<(), Error> {
     let name = path.display().to_string();
-    dispatch::file(path, &name, named(path, format, &name)?, mesh)
+    dispatch::file(path, &name, named(path, format, &name)?, mesh, frame)
 }
 
 /// Writes a whole mesh to a writer, not packed.
@@ -37,7 +53,21 @@ pub fn write_mesh_to(
     format: Format,
     mesh: &IndexedMesh,
 ) -> Result<(), Error> {
-    dispatch::mesh(&mut writer, "output", format, mesh)
+    write_indexed_to(&mut writer, format, &mut checked(mesh, "output")?, Frame::default())
+}
+
+/// [`write_indexed`] to a writer, not packed.
+///
+/// # Errors
+///
+/// As [`write_indexed`], except that some of it may have been written.
+pub fn write_indexed_to(
+    mut writer: impl Write,
+    format: Format,
+    mesh: &mut dyn IndexedSource,
+    frame: Frame,
+) -> Result<(), Error> {
+    dispatch::mesh(&mut writer, "output", format, mesh, frame)
 }
 
 /// Creates a file that takes triangles as they come; the format goes by the extension, and `.gz` or `.zst` packs it.
@@ -113,6 +143,19 @@ pub fn sink_to_in<'a>(
     dispatch::stream_sink(writer, "output", format, frame)
 }
 
+/// The mesh, if its triangles name vertices that are there.
+fn checked<'a>(mesh: &'a IndexedMesh, name: &str) -> Result<&'a IndexedMesh, Error> {
+    match mesh.first_bad_index() {
+        None => Ok(mesh),
+        Some((_, index)) => Err(Error::IndexOutOfRange {
+            name: name.to_owned(),
+            place: Place::File,
+            index: i64::from(index),
+            num_vertices: mesh.positions.len() as u64,
+        }),
+    }
+}
+
 fn named(path: &Path, format: Option<Format>, name: &str) -> Result<Format, Error> {
     format
         .or_else(|| Format::from_path(path))
@@ -123,7 +166,6 @@ fn named(path: &Path, format: Option<Format>, name: &str) -> Result<Format, Erro
 #[cfg(any(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
 mod dispatch {
     use super::*;
-    use crate::Place;
     use crate::codec::output::{BoxedOutput, Pen, Stream, WholeFile};
 
     /// Vertices in a generation of the welding table; see [`crate::codec::weld::Welder`].
@@ -134,10 +176,11 @@ mod dispatch {
         path: &Path,
         name: &str,
         format: Format,
-        whole: &IndexedMesh,
+        whole: &mut dyn IndexedSource,
+        frame: Frame,
     ) -> Result<(), Error> {
         let mut file = WholeFile::create(path)?;
-        mesh(&mut file, name, format, whole)?;
+        mesh(&mut file, name, format, whole, frame)?;
         file.commit().map_err(|error| Error::io(name, "write", error))
     }
 
@@ -145,32 +188,32 @@ mod dispatch {
         writer: &mut dyn Write,
         name: &str,
         format: Format,
-        mesh: &IndexedMesh,
+        mesh: &mut dyn IndexedSource,
+        frame: Frame,
     ) -> Result<(), Error> {
-        if let Some((_, index)) = mesh.first_bad_index() {
-            return Err(Error::IndexOutOfRange {
-                name: name.to_owned(),
-                place: Place::File,
-                index: i64::from(index),
-                num_vertices: mesh.positions.len() as u64,
-            });
-        }
         let mut pen = Pen::new(&mut *writer, name);
         match format {
             #[cfg(feature = "stl")]
-            Format::StlBinary => crate::stl::write_mesh(&mut pen, mesh, false)?,
+            Format::StlBinary => crate::stl::write_mesh(&mut pen, mesh, false, frame)?,
             #[cfg(feature = "stl")]
-            Format::StlAscii => crate::stl::write_mesh(&mut pen, mesh, true)?,
+            Format::StlAscii => crate::stl::write_mesh(&mut pen, mesh, true, frame)?,
             #[cfg(feature = "ply")]
             Format::PlyAscii | Format::PlyBinaryLittle | Format::PlyBinaryBig => {
-                crate::ply::write_mesh(&mut pen, mesh, ply_encoding(format))?;
+                let rows = crate::ply::Rows { encoding: ply_encoding(format), frame };
+                crate::ply::write_mesh(&mut pen, mesh, rows)?;
             }
             #[cfg(feature = "obj")]
-            Format::Obj => crate::obj::write_mesh(&mut pen, mesh)?,
+            Format::Obj => crate::obj::write_mesh(&mut pen, mesh, frame)?,
             #[cfg(feature = "gltf")]
-            Format::Gltf => crate::gltf::write_mesh(&mut pen, mesh, crate::gltf::Container::Json)?,
+            Format::Gltf => {
+                let container = crate::gltf::Container::Json;
+                crate::gltf::write_mesh(&mut pen, mesh, container, frame)?;
+            }
             #[cfg(feature = "gltf")]
-            Format::Glb => crate::gltf::write_mesh(&mut pen, mesh, crate::gltf::Container::Binary)?,
+            Format::Glb => {
+                let container = crate::gltf::Container::Binary;
+                crate::gltf::write_mesh(&mut pen, mesh, container, frame)?;
+            }
             #[allow(unreachable_patterns)]
             _ => return Err(format.family().disabled(name)),
         }
@@ -253,7 +296,8 @@ mod dispatch {
         _path: &Path,
         name: &str,
         format: Format,
-        _mesh: &IndexedMesh,
+        _mesh: &mut dyn IndexedSource,
+        _frame: Frame,
     ) -> Result<(), Error> {
         Err(format.family().disabled(name))
     }
@@ -262,7 +306,8 @@ mod dispatch {
         _writer: &mut dyn Write,
         name: &str,
         format: Format,
-        _mesh: &IndexedMesh,
+        _mesh: &mut dyn IndexedSource,
+        _frame: Frame,
     ) -> Result<(), Error> {
         Err(format.family().disabled(name))
     }

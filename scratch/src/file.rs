@@ -64,7 +64,7 @@ impl Scratch {
     /// # Errors
     /// When they are not.
     pub fn require(&self, bytes: u64) -> Result<(), Error> {
-        match free_bytes(&self.folder) {
+        match self.free_bytes() {
             Some(free) if free < bytes => {
                 let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
                 let problem = format!("{} MiB needed, {} MiB free", mebibytes(bytes), free >> 20);
@@ -72,6 +72,11 @@ impl Scratch {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Bytes that may still be written there; `None` where the system does not tell.
+    pub fn free_bytes(&self) -> Option<u64> {
+        free_bytes(&self.folder)
     }
 
     /// An error about this folder.

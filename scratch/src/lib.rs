@@ -3,7 +3,7 @@
 //!
 //! A [`Scratch`] is a folder for such files. A [`ScratchFile`] holds items of one kind by number. A [`Store`] holds chunks,
 //! in memory as long as they fit and then in one file; in it lie any number of [`Spool`]s, each a row of records that is
-//! appended to, and then taken away from either end.
+//! appended to, and then taken away from either end. A [`Table`] is items by number, the latest of which are in memory.
 //!
 //! ```
 //! use scratch::{Piece, Scratch, Spool, Store, StoreOptions};
@@ -37,8 +37,10 @@ mod file;
 mod places;
 mod spool;
 mod store;
+mod table;
 
 pub use error::Error;
 pub use file::{Scratch, ScratchFile};
 pub use spool::{Piece, SavedChunk, SavedSpool, Spool};
 pub use store::{Store, StoreOptions};
+pub use table::{Table, TableOptions};

@@ -4,7 +4,7 @@ use mesh_io::{Triangle, TriangleSink};
 use rayon::ThreadPool;
 
 use crate::finality::Finality;
-use crate::insert::Inserter;
+use crate::insert::{Inserter, clock};
 use crate::missed;
 use crate::portion::{Portion, state};
 use crate::rate::Rules;
@@ -14,12 +14,6 @@ use crate::sealed::Sealed;
 use crate::sweep::SWEPT;
 use crate::write;
 use crate::{DecimateOptions, DecimateReport, Error, Progress, Target};
-
-/// A vertex that is known to have had its last triangle waits for nothing.
-const NOTHING: u32 = u32::MAX;
-
-/// The clock of the waiting vertices ticks once in so many triangles.
-const TICK: u64 = 64;
 
 /// Triangles written at a time.
 const BATCH: usize = 1 << 12;
@@ -178,29 +172,23 @@ impl StreamDecimator {
         finality: Finality<'_>,
         sink: &mut (impl TriangleSink + ?Sized),
     ) -> Result<(), Error> {
-        for (i, triangle) in triangles.iter().enumerate() {
+        let last: &[u8] = match finality {
+            Finality::Corners(tags) => tags,
+            _ => &[],
+        };
+        let mut at = 0;
+        while at < triangles.len() {
             if self.is_full() {
                 self.make_room(sink)?;
             }
-            let inserted = self.inserter.insert(&mut self.portion, triangle);
-            self.read += 1;
-            let now = (self.read / TICK) as u32;
-            if let Some(vertices) = inserted {
-                for v in vertices {
-                    self.portion.waiting[v as usize] = now;
-                }
-            }
-            if let Finality::Corners(tags) = finality {
-                for corner in (0..3).filter(|corner| tags[i] >> corner & 1 != 0) {
-                    let last = match inserted {
-                        Some(vertices) => Some(vertices[corner]),
-                        None => self.inserter.find(&self.portion, triangle[corner]),
-                    };
-                    if let Some(v) = last {
-                        self.portion.waiting[v as usize] = NOTHING;
-                    }
-                }
-            }
+            // So many fit, whatever they are.
+            let room = (self.capacity - self.portion.num_triangles())
+                .min((self.most_vertices() - self.portion.num_vertices()) / 3);
+            let end = triangles.len().min(at + room);
+            let last = last.get(at..end).unwrap_or_default();
+            self.inserter.insert_all(&mut self.portion, &triangles[at..end], last, self.read);
+            self.read += (end - at) as u64;
+            at = end;
         }
         // What is known of the batch is known once all of it is in the buffer.
         if let Finality::Below { axis, coordinate } = finality {
@@ -286,7 +274,7 @@ impl StreamDecimator {
     /// DECIMATE and WRITE until the buffer is half empty (§4.1's hysteresis).
     fn make_room(&mut self, sink: &mut (impl TriangleSink + ?Sized)) -> Result<(), Error> {
         self.peak = self.peak.max(self.portion.num_triangles());
-        self.seal_final();
+        self.inserter.seal_final(&mut self.portion, self.below);
         let cracks = self.inserter.repairs.late_cracks;
         if cracks > FEW_CRACKS && cracks as f64 > CRACKS_IN_ORDER * self.read as f64 {
             return Err(self.unsorted(self.portion.num_waiting_triangles()));
@@ -356,20 +344,6 @@ impl StreamDecimator {
         });
     }
 
-    /// Seals the vertices that are known to have had their last triangle.
-    fn seal_final(&mut self) {
-        for v in 0..self.portion.num_slots() as u32 {
-            if self.portion.state(v) != state::OPEN {
-                continue;
-            }
-            let position = self.portion.position(v);
-            let is_below = self.below.is_some_and(|(axis, coordinate)| position[axis] < coordinate);
-            if is_below || self.portion.waiting[v as usize] == NOTHING {
-                self.inserter.seal(&mut self.portion, v);
-            }
-        }
-    }
-
     /// Seals the boundaries that have waited longest, of a crowded buffer.
     fn relieve(&mut self, waiting: usize) -> Result<(), Error> {
         if self.when_crowded == WhenCrowded::Fail {
@@ -381,7 +355,7 @@ impl StreamDecimator {
         let mut times: Vec<u32> = open.iter().map(|&v| self.portion.waiting[v as usize]).collect();
         times.sort_unstable();
         // Three quarters of them; but never those that came with the last eighth of the buffer.
-        let young = (self.read.saturating_sub(self.capacity as u64 / 8) / TICK) as u32;
+        let young = clock(self.read.saturating_sub(self.capacity as u64 / 8));
         let before = times.get(times.len() * 3 / 4).map_or(young, |&time| time.min(young));
         for v in open {
             if self.portion.waiting[v as usize] < before {

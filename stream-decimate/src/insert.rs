@@ -6,9 +6,21 @@ use qem::{ErrorMetric, Quadric};
 
 use crate::Repairs;
 use crate::lookup::{Lookup, key};
+use crate::names::normal_at;
 use crate::portion::{Portion, state};
 use crate::sealed::Trace;
 use crate::star::{Added, Joint};
+
+/// A vertex that is known to have had its last triangle waits for nothing.
+pub(crate) const NOTHING: u32 = u32::MAX;
+
+/// The clock of the waiting vertices ticks once in so many triangles.
+const TICK: u64 = 64;
+
+/// What the clock of the waiting vertices shows after so many triangles.
+pub(crate) fn clock(read: u64) -> u32 {
+    (read / TICK) as u32
+}
 
 /// Puts triangles into the portion.
 #[derive(Debug, Default)]
@@ -30,12 +42,55 @@ impl Inserter {
         }
     }
 
-    /// Puts a triangle where it belongs; its vertices, if it did not have to be left out.
-    pub(crate) fn insert(
+    /// Puts triangles where they belong, before which `first` have been read. Of each, `last` tells the corners that are the
+    /// last ones of their vertices, if it is not empty.
+    pub(crate) fn insert_all(
         &mut self,
         portion: &mut Portion,
-        triangle: &Triangle,
-    ) -> Option<[u32; 3]> {
+        triangles: &[Triangle],
+        last: &[u8],
+        first: u64,
+    ) {
+        for (i, (triangle, number)) in triangles.iter().zip(first + 1..).enumerate() {
+            let inserted = self.insert(portion, triangle);
+            for v in inserted.into_iter().flatten() {
+                portion.waiting[v as usize] = clock(number);
+            }
+            let tag = last.get(i).copied().unwrap_or(0);
+            for corner in (0..3).filter(|corner| tag >> corner & 1 != 0) {
+                let last = match inserted {
+                    Some(vertices) => Some(vertices[corner]),
+                    None => self.find(portion, triangle[corner]),
+                };
+                if let Some(v) = last {
+                    portion.waiting[v as usize] = NOTHING;
+                }
+            }
+        }
+    }
+
+    /// Seals the vertices that are known to have had their last triangle: those that were told, and those `below` a
+    /// coordinate on an axis.
+    pub(crate) fn seal_final(&mut self, portion: &mut Portion, below: Option<(usize, f32)>) {
+        for v in 0..portion.num_slots() as u32 {
+            if portion.state(v) != state::OPEN {
+                continue;
+            }
+            let position = portion.position(v);
+            let is_below = below.is_some_and(|(axis, coordinate)| position[axis] < coordinate);
+            if is_below || portion.waiting[v as usize] == NOTHING {
+                self.seal(portion, v);
+            }
+        }
+    }
+
+    /// Forgets all vertices: no triangle will come any more.
+    pub(crate) fn forget(&mut self) {
+        self.lookup = Lookup::default();
+    }
+
+    /// Puts a triangle where it belongs; its vertices, if it did not have to be left out.
+    fn insert(&mut self, portion: &mut Portion, triangle: &Triangle) -> Option<[u32; 3]> {
         // Adding zero makes −0 equal to +0.
         let corners = triangle.map(|corner| corner + Vec3::ZERO);
         if !corners.iter().all(|c| c.is_finite()) {
@@ -69,11 +124,23 @@ impl Inserter {
             }
         }
         portion.count_triangles(1, 0);
-        let plane = Quadric::from_cross_product((q - p).cross(r - p));
+        let cross = (q - p).cross(r - p);
+        let plane = Quadric::from_cross_product(cross);
         let [a, b, c] = vertices;
-        for ((v, x, y), joint) in [(a, b, c), (b, c, a), (c, a, b)].into_iter().zip(joints) {
+        let half_edge = match &mut portion.names {
+            Some(names) => {
+                let turns = [[p, q, r], [q, r, p], [r, p, q]];
+                for (v, turn) in vertices.into_iter().zip(turns) {
+                    portion.identities[v as usize].normal += normal_at(turn, cross);
+                }
+                3 * names.take_face()
+            }
+            None => 0,
+        };
+        let corners = [(a, b, c), (b, c, a), (c, a, b)].into_iter().zip(joints);
+        for (((v, x, y), joint), tag) in corners.zip(half_edge..) {
             portion.add_plane(v, &plane);
-            match portion.stars.all().add(v, x, y, joint) {
+            match portion.stars.all().add(v, x, y, joint, tag) {
                 Added::Open => portion.set_state(v, state::OPEN),
                 Added::Ring => {
                     portion.set_state(v, state::RING);
@@ -120,7 +187,7 @@ impl Inserter {
     }
 
     /// The vertex at a position whose triangles may still come.
-    pub(crate) fn find(&mut self, portion: &Portion, position: Vec3) -> Option<u32> {
+    fn find(&mut self, portion: &Portion, position: Vec3) -> Option<u32> {
         self.lookup.find(position + Vec3::ZERO, |v| portion.position(v))
     }
 
@@ -189,11 +256,16 @@ impl Inserter {
         portion.stars.all().adopt(other, v, &fans);
         for vertex in [v, other] {
             let mut quadric = Quadric::default();
+            let mut normal = Vec3::ZERO;
             for (a, b) in portion.stars.fans(vertex).triangles() {
-                let edges = [a, b].map(|x| portion.position(x) - position);
-                quadric.merge(&Quadric::from_triangle([Vec3::ZERO, edges[0], edges[1]]));
+                let [a, b] = [a, b].map(|x| portion.position(x) - position);
+                quadric.merge(&Quadric::from_triangle([Vec3::ZERO, a, b]));
+                normal += normal_at([Vec3::ZERO, a, b], a.cross(b));
             }
             portion.vertices[vertex as usize].quadric = quadric;
+            if let Some(identity) = portion.identities.get_mut(vertex as usize) {
+                identity.normal = normal;
+            }
         }
         portion.waiting[other as usize] = portion.waiting[v as usize];
         other

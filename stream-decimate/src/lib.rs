@@ -48,6 +48,7 @@
 //! Wu and Kobbelt, *A Stream Algorithm for the Decimation of Massive Meshes*, 2003.
 
 mod cluster;
+mod collapse;
 mod decimator;
 mod deviation;
 mod distance;
@@ -58,6 +59,7 @@ mod greedy;
 mod insert;
 mod lookup;
 mod missed;
+mod names;
 mod new_star;
 mod options;
 mod portion;
@@ -74,6 +76,10 @@ mod sweep;
 mod write;
 
 pub use cluster::decimate_clustered;
+pub use collapse::{
+    CollapseOptions, CollapseReport, Collapsed, CollapsedFace, CollapsedMesh, CollapsedVertex,
+    ReadOrder, collapse, collapse_file,
+};
 pub use decimator::StreamDecimator;
 pub use error::Error;
 pub use greedy::decimate_greedy;

@@ -4,6 +4,7 @@ use glam::Vec3;
 use qem::Quadric;
 use rayon::prelude::*;
 
+use crate::names::{Identity, Names};
 use crate::sealed::Sealed;
 use crate::star::{StarSlice, Stars};
 
@@ -63,6 +64,8 @@ pub(crate) struct Window<'a> {
     pub(crate) stars: StarSlice<'a>,
     flags: &'a mut [u8],
     bounds: &'a mut [f32],
+    /// Of each vertex, or of none.
+    identities: &'a mut [Identity],
 }
 
 impl Window<'_> {
@@ -116,6 +119,17 @@ impl Window<'_> {
         self.vertex(v).position
     }
 
+    /// Who a vertex is; collapses have to be recorded.
+    #[inline]
+    pub(crate) fn identity(&self, v: u32) -> &Identity {
+        &self.identities[(v - self.base) as usize]
+    }
+
+    #[inline]
+    pub(crate) fn identity_mut(&mut self, v: u32) -> &mut Identity {
+        &mut self.identities[(v - self.base) as usize]
+    }
+
     #[inline]
     pub(crate) fn flags(&self, v: u32) -> u8 {
         self.flags[(v - self.base) as usize]
@@ -165,7 +179,7 @@ pub(crate) fn permute<T: Copy>(items: &mut [T], order: &[u32]) {
     }
 }
 
-fn take_front<'a, T>(slice: &mut &'a mut [T], length: usize) -> &'a mut [T] {
+pub(crate) fn take_front<'a, T>(slice: &mut &'a mut [T], length: usize) -> &'a mut [T] {
     let (front, rest) = std::mem::take(slice).split_at_mut(length);
     *slice = rest;
     front
@@ -184,6 +198,10 @@ pub(crate) struct Portion {
     pub(crate) waiting: Vec<u32>,
     /// What was sealed on suspicion.
     pub(crate) sealed: Sealed,
+    /// Who the vertices are, where collapses are recorded; else empty.
+    pub(crate) identities: Vec<Identity>,
+    /// The names they may have.
+    pub(crate) names: Option<Names>,
     /// Vertices not in use, the first of them last.
     free: Vec<u32>,
     num_triangles: usize,
@@ -193,12 +211,29 @@ impl Portion {
     /// Room for so many vertices at first.
     pub(crate) fn with_capacity(vertices: usize) -> Self {
         let mut portion = Self::default();
-        portion.vertices.reserve_exact(vertices);
-        portion.flags.reserve_exact(vertices);
-        portion.bounds.reserve_exact(vertices);
-        portion.waiting.reserve_exact(vertices);
-        portion.stars.reserve_exact(vertices);
+        portion.reserve(vertices);
         portion
+    }
+
+    /// Room for so many vertices, which have names.
+    pub(crate) fn with_names(vertices: usize) -> Self {
+        let mut portion = Self::default();
+        portion.names = Some(Names::default());
+        portion.stars = Stars::default().with_tags();
+        portion.reserve(vertices);
+        portion
+    }
+
+    /// Room for so many more vertices, and no more than that: there is not much memory beside these.
+    fn reserve(&mut self, vertices: usize) {
+        self.vertices.reserve_exact(vertices);
+        self.flags.reserve_exact(vertices);
+        self.bounds.reserve_exact(vertices);
+        self.waiting.reserve_exact(vertices);
+        self.stars.reserve_exact(vertices);
+        if self.names.is_some() {
+            self.identities.reserve_exact(vertices);
+        }
     }
 
     /// Triangles in the buffer.
@@ -242,8 +277,15 @@ impl Portion {
             second: 0.0,
             deviation: 0.0,
         };
+        let identity = self
+            .names
+            .as_mut()
+            .map(|names| Identity { name: names.take_vertex(), ..Default::default() });
         match self.free.pop() {
             Some(v) => {
+                if let Some(identity) = identity {
+                    self.identities[v as usize] = identity;
+                }
                 self.vertices[v as usize] = vertex;
                 self.flags[v as usize] = state::OPEN;
                 self.bounds[v as usize] = f32::INFINITY;
@@ -251,11 +293,15 @@ impl Portion {
                 v
             }
             None => {
+                if self.vertices.len() == self.vertices.capacity() {
+                    self.reserve((self.vertices.len() / 16).max(64));
+                }
                 let v = self.vertices.len() as u32;
                 self.vertices.push(vertex);
                 self.flags.push(state::OPEN);
                 self.bounds.push(f32::INFINITY);
                 self.waiting.push(0);
+                self.identities.extend(identity);
                 self.stars.push();
                 v
             }
@@ -278,6 +324,7 @@ impl Portion {
             stars: self.stars.all(),
             flags: &mut self.flags,
             bounds: &mut self.bounds,
+            identities: &mut self.identities,
         }
     }
 
@@ -288,8 +335,10 @@ impl Portion {
         let lengths = std::iter::once(offset)
             .chain((offset..count).step_by(size).map(|from| size.min(count - from)));
         let mut base = 0;
+        let has_names = self.names.is_some();
         let (mut vertices, mut flags, mut bounds) =
             (&mut self.vertices[..], &mut self.flags[..], &mut self.bounds[..]);
+        let mut identities = &mut self.identities[..];
         let stars = self.stars.slices(lengths.clone());
         lengths
             .zip(stars)
@@ -300,6 +349,7 @@ impl Portion {
                     stars,
                     flags: take_front(&mut flags, length),
                     bounds: take_front(&mut bounds, length),
+                    identities: take_front(&mut identities, if has_names { length } else { 0 }),
                 };
                 base += length as u32;
                 window
@@ -321,9 +371,14 @@ impl Portion {
         for (new, &old) in order[..used].iter().enumerate() {
             new_of[old as usize] = new as u32;
         }
-        let Self { vertices, stars, flags, bounds, waiting, .. } = self;
+        let Self { vertices, stars, flags, bounds, waiting, identities, .. } = self;
         rayon::join(
-            || permute(vertices, order),
+            || {
+                permute(vertices, order);
+                if !identities.is_empty() {
+                    permute(identities, order);
+                }
+            },
             || {
                 stars.permute(order);
                 *flags = order.iter().map(|&v| flags[v as usize]).collect();
@@ -340,6 +395,7 @@ impl Portion {
         self.flags.truncate(used);
         self.bounds.truncate(used);
         self.waiting.truncate(used);
+        self.identities.truncate(used);
         self.vertices.par_iter_mut().with_min_len(4096).for_each(|vertex| {
             // A target that has gone was forgotten with its rating.
             vertex.target = new_of.get(vertex.target as usize).copied().unwrap_or(u32::MAX);
@@ -363,6 +419,9 @@ impl Portion {
                 self.flags[used] = self.flags[old];
                 self.bounds[used] = self.bounds[old];
                 self.waiting[used] = self.waiting[old];
+                if let Some(&identity) = self.identities.get(old) {
+                    self.identities[used] = identity;
+                }
                 self.stars.swap(used, old);
             }
             used += 1;
@@ -419,6 +478,28 @@ impl Portion {
                 *bound = UNRATED;
             }
         }
+        for (identity, flags) in self.identities.iter_mut().zip(&self.flags) {
+            if flags & state::MAY_GO != 0 && identity.mean == Vec3::ZERO {
+                identity.mean = identity.normal.normalize_or_zero();
+            }
+        }
+    }
+
+    /// That all corners of a triangle have half-edges of the same face, if they have tags.
+    #[cfg(test)]
+    fn validate_tags(&self, v: u32) -> Result<(), String> {
+        let fans = self.stars.fans(v);
+        for (i, &h) in self.stars.tags(v).iter().enumerate().filter(|&(i, _)| !fans.is_last(i)) {
+            let x = fans.at(i);
+            let there = self.stars.fans(x);
+            let y = fans.at((i + 1) % fans.len());
+            let at = there.position(y).ok_or(format!("triangle {v} {x} {y} is unknown to {x}"))?;
+            let next = self.stars.tags(x)[at];
+            if next != h / 3 * 3 + (h + 1) % 3 {
+                return Err(format!("triangle {v} {x} {y}: half-edge {h} is followed by {next}"));
+            }
+        }
+        Ok(())
     }
 
     /// Checks every invariant.
@@ -456,6 +537,7 @@ impl Portion {
                 }
                 triangles.insert([v, a, b]);
             }
+            self.validate_tags(v)?;
         }
         if triangles.len() != 3 * self.num_triangles {
             return Err(format!("{} corners, {} triangles", triangles.len(), self.num_triangles));

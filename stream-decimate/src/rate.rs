@@ -9,6 +9,7 @@ use glam::Vec3;
 use qem::{Batch, ErrorMetric, LANES, Quadric};
 
 use crate::Placement;
+use crate::collapse::measure;
 use crate::deviation::Patch;
 use crate::new_star::NewStar;
 use crate::portion::{Vertex, Window, state};
@@ -16,6 +17,11 @@ use crate::portion::{Vertex, Window, state};
 /// What moving the surface by a distance costs, as a share of that distance to the fourth power: the quadrics alone would
 /// cut off thin spikes and needles, which have no area to speak of.
 const DEVIATION_WEIGHT: f32 = 40.0;
+
+/// Least cosine of the angle by which a collapse may turn a triangle.
+const LEAST_COSINE: f32 = 0.2;
+/// The same in sweeps, where nothing else keeps the new triangles from lying across a fold.
+const LEAST_COSINE_OF_SWEEPS: f32 = 0.7;
 
 /// A neighbour that was the best may cost so many times the second best before another one is looked for.
 pub(crate) const TOLERANCE: f32 = 3.0;
@@ -159,6 +165,30 @@ pub(crate) fn rate(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating>
 /// window. Where there is none, the least cost, forbidden or not.
 pub(crate) fn rate_in_place(window: &Window<'_>, v: u32, most: f32) -> Result<(u32, f32), f32> {
     let mut choices = InPlace::new(window, v);
+    best_in_place(window, v, &mut choices, most, moved)
+}
+
+/// As [`rate_in_place`], for a collapse that is recorded: more of it is measured, and on a boundary only the neighbour after
+/// the vertex may take it. Where there is none, the cost that has to be allowed before there can be one.
+pub(crate) fn rate_recorded(window: &Window<'_>, v: u32, most: f32) -> Result<(u32, f32), f32> {
+    let mut choices = InPlace::new(window, v);
+    let fans = window.stars.fans(v);
+    if !fans.is_ring() {
+        choices.keep(fans.at(0));
+    }
+    let measure = |window: &Window<'_>, v, u| measure::moved(window, v, u).unwrap_or(f32::INFINITY);
+    // What was forbidden is tried again when more is allowed.
+    best_in_place(window, v, &mut choices, most, measure)
+        .map_err(|least| if least <= most { most.next_up() } else { least })
+}
+
+fn best_in_place(
+    window: &Window<'_>,
+    v: u32,
+    choices: &mut InPlace,
+    most: f32,
+    moved: impl Fn(&Window<'_>, u32, u32) -> f32,
+) -> Result<(u32, f32), f32> {
     let choices = choices.all();
     let mut least = f32::INFINITY;
     for _ in 0..choices.len() {
@@ -215,6 +245,15 @@ impl InPlace {
         list
     }
 
+    /// Drops all neighbours but one.
+    fn keep(&mut self, u: u32) {
+        let kept = self.choices[..self.len].iter().position(|choice| choice.1 == u);
+        if let Some(kept) = kept {
+            self.choices[0] = self.choices[kept];
+        }
+        self.len = usize::from(kept.is_some());
+    }
+
     fn all(&mut self) -> &mut [(f32, u32)] {
         &mut self.choices[..self.len]
     }
@@ -232,7 +271,7 @@ pub(crate) fn can_collapse_here(window: &Window<'_>, v: u32, u: u32) -> bool {
 /// How far `v` is from the triangles that are left once it is at `u`; infinite if one is turned over.
 fn moved(window: &Window<'_>, v: u32, u: u32) -> f32 {
     let at = window.position(u);
-    let mut star = NewStar::<1>::new([window.position(v) - at, Vec3::ZERO]);
+    let mut star = NewStar::<1>::new([window.position(v) - at, Vec3::ZERO], LEAST_COSINE_OF_SWEEPS);
     for (a, b) in window.stars.fans(v).triangles() {
         if a != u && b != u {
             star.push(window.position(a) - at, window.position(b) - at, 0);
@@ -243,7 +282,7 @@ fn moved(window: &Window<'_>, v: u32, u: u32) -> f32 {
 
 /// How far two neighbours on a boundary are from the boundary once they are one vertex at `at`; nothing for others. There the
 /// surface may grow beyond its boundary without any point of it being moved.
-fn boundary_moved(window: &Window<'_>, v: u32, u: u32, at: Vec3) -> f32 {
+pub(crate) fn boundary_moved(window: &Window<'_>, v: u32, u: u32, at: Vec3) -> f32 {
     if window.state(v) != state::BOUNDARY {
         return 0.0;
     }
@@ -427,7 +466,7 @@ fn is_legal(window: &Window<'_>, v: u32, u: u32) -> bool {
 pub(crate) fn deviation(window: &Window<'_>, v: u32, u: u32, at: Vec3, rules: &Rules) -> f32 {
     let (from, to) = (window.vertex(v), window.vertex(u));
     let at = to.position + at;
-    let mut star = NewStar::<2>::new([from.position - at, to.position - at]);
+    let mut star = NewStar::<2>::new([from.position - at, to.position - at], LEAST_COSINE);
     for (center, own, without) in [(v, 0, u), (u, 1, v)] {
         for (a, b) in window.stars.fans(center).triangles() {
             if a != without && b != without {

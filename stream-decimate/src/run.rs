@@ -12,7 +12,7 @@ use scratch::Scratch;
 use crate::decimator::{StreamDecimator, WhenCrowded};
 use crate::finality::{self, Direct, Feed, Finality};
 use crate::presort::{self, Open};
-use crate::{DecimateOptions, DecimateReport, Error, Observer};
+use crate::{DecimateOptions, DecimateReport, Error, Observer, Progress};
 
 /// Triangles that go from thread to thread at a time.
 const BATCH: usize = 1 << 12;
@@ -213,6 +213,46 @@ fn read(
             return Ok(());
         }
     }
+}
+
+/// Reads on a thread of its own, and gives each batch to `take`, which returns how far it is; now and then without one.
+pub(crate) fn with_reader<E: From<Error>>(
+    feed: &mut dyn Feed,
+    observer: &mut Observer<'_>,
+    mut take: impl FnMut(Option<(&[Triangle], Finality<'_>)>, &mut Observer<'_>) -> Result<Progress, E>,
+) -> Result<(), E> {
+    thread::scope(|scope| {
+        let (to_take, batches) = sync_channel(UNDER_WAY);
+        let (give_back, used) = sync_channel(UNDER_WAY + 2);
+        let reader = scope.spawn(move || read(feed, &to_take, &used));
+        let mut told = Instant::now();
+        let taken = loop {
+            let batch: Option<Batch> = match batches.recv_timeout(INTERVAL) {
+                Ok(batch) => Some(batch),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => break Ok(()),
+            };
+            let known = batch.as_ref().map(|batch| (&batch.triangles[..], batch.known.finality()));
+            let progress = match take(known, observer) {
+                Ok(progress) => progress,
+                Err(error) => break Err(error),
+            };
+            if let Some(batch) = batch {
+                // If there are enough empty ones already, this one is dropped.
+                give_back.try_send(batch.triangles).ok();
+            }
+            if told.elapsed() >= INTERVAL {
+                told = Instant::now();
+                if observer(&progress) == ControlFlow::Break(()) {
+                    break Err(Error::Interrupted.into());
+                }
+            }
+        };
+        drop((batches, give_back));
+        let read = reader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        taken?;
+        Ok(read?)
+    })
 }
 
 /// A sink that hands its triangles to the writing thread.

@@ -7,11 +7,14 @@
 //!
 //! This says all of the triangles, and half of what a half-edge structure does in memory; triangles can come in any
 //! order, and a collapse is the splicing of one list into another.
+//!
+//! Where collapses are recorded, triangles have numbers that outlast what happens around them: then each neighbour `xᵢ` that is
+//! not the last of a fan has a *tag*, the half-edge `v→xᵢ` of the triangle `(v, xᵢ, xᵢ₊₁)`.
 
 use rayon::prelude::*;
 use wide::i32x8;
 
-use crate::portion::permute;
+use crate::portion::{permute, take_front};
 
 /// Neighbours that fit into the cache line.
 const INLINE: usize = 15;
@@ -32,6 +35,13 @@ struct Star {
     entries: [u32; INLINE],
     len: u32,
 }
+
+/// The tags of a star's entries.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Tags([u32; INLINE + 1]);
+
+const UNTAGGED: Tags = Tags([u32::MAX; INLINE + 1]);
 
 const EMPTY: Star = Star { entries: [0; INLINE], len: 0 };
 
@@ -75,6 +85,8 @@ pub(crate) enum Added {
 #[derive(Debug, Default)]
 struct Spill {
     lists: Vec<Vec<u32>>,
+    /// The tags of each, or nothing.
+    tags: Vec<Vec<u32>>,
     /// Numbers of lists not in use.
     free: Vec<u32>,
 }
@@ -92,6 +104,9 @@ pub(crate) struct Joint {
 #[derive(Debug, Default)]
 pub(crate) struct Stars {
     stars: Vec<Star>,
+    /// Of each star, or of none.
+    tags: Vec<Tags>,
+    are_tagged: bool,
     spill: Spill,
 }
 
@@ -102,6 +117,8 @@ pub(crate) struct Stars {
 pub(crate) struct StarSlice<'a> {
     base: u32,
     stars: &'a mut [Star],
+    /// As many, or none.
+    tags: &'a mut [Tags],
     spill: Option<&'a mut Spill>,
 }
 
@@ -173,9 +190,15 @@ impl<'a> Fans<'a> {
         self.position(neighbour).is_some_and(|i| self.list[i] & LAST == 0)
     }
 
+    /// Whether the neighbour at an index is the last of its fan.
+    #[inline]
+    pub(crate) fn is_last(self, index: usize) -> bool {
+        self.list[index] & LAST != 0
+    }
+
     /// The index of a neighbour.
     #[inline]
-    fn position(self, neighbour: u32) -> Option<usize> {
+    pub(crate) fn position(self, neighbour: u32) -> Option<usize> {
         match self.list.len() <= INLINE {
             true => lowest(self.star.mask_of(neighbour, self.list.len())),
             false => self.list.iter().position(|&e| id(e) == neighbour),
@@ -230,27 +253,46 @@ impl Stars {
     /// Reserves memory for so many vertices.
     pub(crate) fn reserve_exact(&mut self, count: usize) {
         self.stars.reserve_exact(count);
+        if self.are_tagged {
+            self.tags.reserve_exact(count);
+        }
+    }
+
+    /// With tags from now on; there are no vertices yet.
+    pub(crate) fn with_tags(mut self) -> Self {
+        self.are_tagged = true;
+        self
     }
 
     /// Adds a vertex without triangles.
     pub(crate) fn push(&mut self) {
         self.stars.push(EMPTY);
+        if self.are_tagged {
+            self.tags.push(UNTAGGED);
+        }
     }
 
     /// Puts the stars in the order given; the numbers in them stay as they are.
     pub(crate) fn permute(&mut self, order: &[u32]) {
         permute(&mut self.stars, order);
+        if self.are_tagged {
+            permute(&mut self.tags, order);
+        }
     }
 
     /// Exchanges two stars; the numbers in them stay as they are.
     pub(crate) fn swap(&mut self, a: usize, b: usize) {
         self.stars.swap(a, b);
+        if self.are_tagged {
+            self.tags.swap(a, b);
+        }
     }
 
     /// Keeps the stars of the first `count` vertices, and puts new numbers into them.
     pub(crate) fn renumber(&mut self, new_of: &[u32], count: usize) {
         let new = |entry: &mut u32| *entry = new_of[id(*entry) as usize] | (*entry & LAST);
         self.stars.truncate(count);
+        self.tags.truncate(count);
         self.stars.par_iter_mut().with_min_len(4096).for_each(|star| {
             if star.len as usize <= INLINE {
                 star.entries[..star.len as usize].iter_mut().for_each(new);
@@ -265,20 +307,32 @@ impl Stars {
         fans(&self.stars[v as usize], Some(&self.spill))
     }
 
+    /// The tags of a vertex, as far as it has some.
+    pub(crate) fn tags(&self, v: u32) -> &[u32] {
+        let (Some(tags), star) = (self.tags.get(v as usize), &self.stars[v as usize]) else {
+            return &[];
+        };
+        match star.len as usize {
+            len if len <= INLINE => &tags.0[..len],
+            _ => &self.spill.tags[star.entries[0] as usize],
+        }
+    }
+
     /// All of them.
     #[inline]
     pub(crate) fn all(&mut self) -> StarSlice<'_> {
-        StarSlice { base: 0, stars: &mut self.stars, spill: Some(&mut self.spill) }
+        let Self { stars, tags, spill, .. } = self;
+        StarSlice { base: 0, stars, tags, spill: Some(spill) }
     }
 
     /// Cuts them into slices whose lengths are given.
     pub(crate) fn slices(&mut self, lengths: impl Iterator<Item = usize>) -> Vec<StarSlice<'_>> {
-        let (mut base, mut rest) = (0, &mut self.stars[..]);
+        let (mut base, mut rest, mut rest_of_tags) = (0, &mut self.stars[..], &mut self.tags[..]);
         lengths
             .map(|length| {
-                let (stars, after) = std::mem::take(&mut rest).split_at_mut(length);
-                rest = after;
-                let slice = StarSlice { base, stars, spill: None };
+                let stars = take_front(&mut rest, length);
+                let tags = take_front(&mut rest_of_tags, if self.are_tagged { length } else { 0 });
+                let slice = StarSlice { base, stars, tags, spill: None };
                 base += length as u32;
                 slice
             })
@@ -341,30 +395,73 @@ impl StarSlice<'_> {
         }
     }
 
-    /// Puts `new` where `count` entries from `at` are now.
-    fn splice(&mut self, v: u32, at: usize, count: usize, new: &[u32]) {
+    /// The tags of a vertex' list, to be changed in place; empty where there are none.
+    #[inline]
+    fn tags_mut(&mut self, v: u32) -> &mut [u32] {
+        let at = (v - self.base) as usize;
+        let Some(tags) = self.tags.get_mut(at) else { return &mut [] };
+        let star = &self.stars[at];
+        let len = star.len as usize;
+        match &mut self.spill {
+            _ if len <= INLINE => &mut tags.0[..len],
+            Some(spill) => &mut spill.tags[star.entries[0] as usize],
+            None => &mut [],
+        }
+    }
+
+    /// The tag of the entry at an index; there have to be tags.
+    #[inline]
+    pub(crate) fn tag(&self, v: u32, index: usize) -> u32 {
+        let at = (v - self.base) as usize;
+        let star = &self.stars[at];
+        match &self.spill {
+            Some(spill) if star.len as usize > INLINE => {
+                spill.tags[star.entries[0] as usize][index]
+            }
+            _ => self.tags[at].0[index],
+        }
+    }
+
+    /// Puts `new` where `count` entries from `at` are now, and their tags, where there are some.
+    fn splice(&mut self, v: u32, at: usize, count: usize, new: &[u32], new_tags: &[u32]) {
         let star = &mut self.stars[(v - self.base) as usize];
+        let tags = self.tags.get_mut((v - self.base) as usize);
         let old_len = star.len as usize;
         let len = old_len - count + new.len();
         if old_len <= INLINE && len <= INLINE {
             star.entries.copy_within(at + count..old_len, at + new.len());
             star.entries[at..at + new.len()].copy_from_slice(new);
+            if let Some(Tags(tags)) = tags {
+                tags.copy_within(at + count..old_len, at + new.len());
+                tags[at..at + new.len()].copy_from_slice(new_tags);
+            }
         } else if let Some(spill) = &mut self.spill {
-            let mut list = if old_len <= INLINE {
-                star.entries[..old_len].to_vec()
+            let (mut list, mut list_tags) = if old_len <= INLINE {
+                let tags = tags.as_ref().map_or(Vec::new(), |tags| tags.0[..old_len].to_vec());
+                (star.entries[..old_len].to_vec(), tags)
             } else {
-                spill.free.push(star.entries[0]);
-                std::mem::take(&mut spill.lists[star.entries[0] as usize])
+                let number = star.entries[0];
+                spill.free.push(number);
+                let number = number as usize;
+                (std::mem::take(&mut spill.lists[number]), std::mem::take(&mut spill.tags[number]))
             };
             list.splice(at..at + count, new.iter().copied());
+            if tags.is_some() {
+                list_tags.splice(at..at + count, new_tags.iter().copied());
+            }
             if len <= INLINE {
                 star.entries[..len].copy_from_slice(&list);
+                if let Some(Tags(tags)) = tags {
+                    tags[..len].copy_from_slice(&list_tags);
+                }
             } else {
                 let number = spill.free.pop().unwrap_or_else(|| {
                     spill.lists.push(Vec::new());
+                    spill.tags.push(Vec::new());
                     spill.lists.len() as u32 - 1
                 });
                 spill.lists[number as usize] = list;
+                spill.tags[number as usize] = list_tags;
                 star.entries[0] = number;
             }
         }
@@ -378,74 +475,91 @@ impl StarSlice<'_> {
 
     /// Puts an entry before those from `at` on.
     #[inline]
-    fn insert(&mut self, v: u32, at: usize, entry: u32) {
+    fn insert(&mut self, v: u32, at: usize, entry: u32, tag: u32) {
         let star = &mut self.stars[(v - self.base) as usize];
         let len = star.len as usize;
         if len >= INLINE {
-            return self.splice(v, at, 0, &[entry]);
+            return self.splice(v, at, 0, &[entry], &[tag]);
         }
         for i in (at..len).rev() {
             star.entries[i + 1] = star.entries[i];
         }
         star.entries[at] = entry;
         star.len += 1;
+        if let Some(Tags(tags)) = self.tags.get_mut((v - self.base) as usize) {
+            tags.copy_within(at..len, at + 1);
+            tags[at] = tag;
+        }
     }
 
-    /// Adds the triangle `(v, a, b)` at its [joint](Fans::joint).
+    /// Adds the triangle `(v, a, b)` at its [joint](Fans::joint). Its half-edge at `v` is the tag, if there are some.
     #[inline]
-    pub(crate) fn add(&mut self, v: u32, a: u32, b: u32, joint: Joint) -> Added {
+    pub(crate) fn add(&mut self, v: u32, a: u32, b: u32, joint: Joint, tag: u32) -> Added {
         match (joint.end, joint.start) {
             (None, None) => {
                 let end = self.valence(v);
-                self.insert(v, end, a);
-                self.insert(v, end + 1, b | LAST);
+                self.insert(v, end, a, tag);
+                self.insert(v, end + 1, b | LAST, u32::MAX);
             }
             (Some(i), None) => {
                 self.list_mut(v)[i] = a;
-                self.insert(v, i + 1, b | LAST);
+                if let Some(old) = self.tags_mut(v).get_mut(i) {
+                    *old = tag;
+                }
+                self.insert(v, i + 1, b | LAST, u32::MAX);
             }
-            (None, Some(j)) => self.insert(v, j, a),
-            (Some(i), Some(j)) => return self.close(v, a, i, j),
+            (None, Some(j)) => self.insert(v, j, a, tag),
+            (Some(i), Some(j)) => return self.close(v, a, [i, j], tag),
         }
         Added::Open
     }
 
     /// Joins the fan that ends with `a` at index `i` to the one that starts at index `j`, or closes it.
-    fn close(&mut self, v: u32, a: u32, i: usize, j: usize) -> Added {
+    fn close(&mut self, v: u32, a: u32, [i, j]: [usize; 2], tag: u32) -> Added {
         let list = self.list_mut(v);
         let start = list[..i].iter().rposition(|e| e & LAST != 0).map_or(0, |s| s + 1);
         list[i] = a;
-        if start == j {
-            if list.len() == i + 1 - j {
-                return Added::Ring;
-            }
+        let (added, moved, by) = if start == j {
             // The others stay in front, the ring goes to the end, where the lack of a mark tells it.
-            list[j..].rotate_left(i + 1 - j);
-            return Added::RingAndOthers;
-        }
-        let end = j + list[j..].iter().position(|e| e & LAST != 0).unwrap_or(0);
-        if j > i {
-            list[i + 1..=end].rotate_left(j - i - 1);
+            let added = if list.len() == i + 1 - j { Added::Ring } else { Added::RingAndOthers };
+            (added, j..list.len(), i + 1 - j)
         } else {
-            list[j..=i].rotate_left(end + 1 - j);
+            let end = j + list[j..].iter().position(|e| e & LAST != 0).unwrap_or(0);
+            let (moved, by) =
+                if j > i { (i + 1..end + 1, j - i - 1) } else { (j..i + 1, end + 1 - j) };
+            (Added::Open, moved, by)
+        };
+        if added == Added::Ring {
+            if let Some(old) = self.tags_mut(v).get_mut(i) {
+                *old = tag;
+            }
+            return added;
         }
-        Added::Open
+        list[moved.clone()].rotate_left(by);
+        let tags = self.tags_mut(v);
+        if !tags.is_empty() {
+            tags[i] = tag;
+            tags[moved].rotate_left(by);
+        }
+        added
     }
 
-    /// Takes the fans but the last from a vertex, and returns the neighbours that stood in them, with their marks.
+    /// Takes the fans but the last from a vertex, and returns the neighbours that stood in them, with their marks, and tags.
     /// The last fan is the ring, if there is one.
-    pub(crate) fn take_all_but_last(&mut self, v: u32) -> Vec<u32> {
+    pub(crate) fn take_all_but_last(&mut self, v: u32) -> [Vec<u32>; 2] {
         let list = self.fans(v).list;
         let body = &list[..list.len().saturating_sub(1)];
         let start = body.iter().rposition(|e| e & LAST != 0).map_or(0, |s| s + 1);
         let taken = list[..start].to_vec();
-        self.splice(v, 0, start, &[]);
-        taken
+        let tags = self.tags_mut(v);
+        let tags = tags[..start.min(tags.len())].to_vec();
+        self.splice(v, 0, start, &[], &[]);
+        [taken, tags]
     }
 
     /// Gives an empty star these fans, and puts `v` where `old` was in the stars of the neighbours.
-    pub(crate) fn adopt(&mut self, v: u32, old: u32, fans: &[u32]) {
-        self.splice(v, 0, 0, fans);
+    pub(crate) fn adopt(&mut self, v: u32, old: u32, [fans, tags]: &[Vec<u32>; 2]) {
+        self.splice(v, 0, 0, fans, tags);
         for &entry in fans {
             self.rename(id(entry), old, v);
         }
@@ -460,15 +574,22 @@ impl StarSlice<'_> {
         }
     }
 
-    /// Takes out a neighbour whose two triangles at `v` become one, or whose one triangle at an end of a fan goes.
+    /// Takes out a neighbour whose two triangles at `v` become one, or whose one triangle at an end of a fan goes: the one
+    /// that also has `other`.
     #[inline]
-    fn close_gap(&mut self, v: u32, neighbour: u32) {
+    fn close_gap(&mut self, v: u32, neighbour: u32, other: u32) {
         if let Some(i) = self.position(v, neighbour) {
             let list = self.list_mut(v);
+            let before = if i > 0 { i - 1 } else { list.len() - 1 };
+            let goes_before = list[before] == other;
             if list[i] & LAST != 0 && i > 0 {
                 list[i - 1] |= LAST;
             }
-            self.splice(v, i, 1, &[]);
+            let tags = self.tags_mut(v);
+            if goes_before && !tags.is_empty() {
+                tags[before] = tags[i];
+            }
+            self.splice(v, i, 1, &[], &[]);
         }
     }
 
@@ -512,25 +633,50 @@ impl StarSlice<'_> {
             self.rename(x, v, u);
         }
         for wing in wings.into_iter().flatten() {
-            self.close_gap(wing, v);
+            self.close_gap(wing, v, u);
+        }
+        if !self.tags.is_empty() {
+            self.hand_over_tags(v, u, wings[0]);
         }
         if between.is_empty() {
-            self.close_gap(u, v);
+            self.close_gap(u, v, u);
         } else if let Some(i) = self.position(u, v) {
             let last = self.fans(u).list[i] & LAST;
             let mut marked = [0; INLINE];
-            if between.len() <= INLINE {
-                let marked = &mut marked[..between.len()];
-                marked.copy_from_slice(between);
-                marked[between.len() - 1] |= last;
-                self.splice(u, i, 1, marked);
+            let mut long_marked = Vec::new();
+            let marked: &mut [u32] = if between.len() <= INLINE {
+                &mut marked[..between.len()]
             } else {
-                let mut marked = between.to_vec();
-                marked[between.len() - 1] |= last;
-                self.splice(u, i, 1, &marked);
+                long_marked.resize(between.len(), 0);
+                &mut long_marked
+            };
+            marked.copy_from_slice(between);
+            marked[between.len() - 1] |= last;
+            let mut tags = [u32::MAX; INLINE];
+            let mut long_tags = Vec::new();
+            let tags: &mut [u32] = if self.tags.is_empty() {
+                &mut []
+            } else if between.len() <= INLINE {
+                &mut tags[..between.len()]
+            } else {
+                long_tags.resize(between.len(), u32::MAX);
+                &mut long_tags
+            };
+            for (tag, &x) in tags.iter_mut().zip(between) {
+                *tag = self.position(v, x).map_or(u32::MAX, |i| self.tag(v, i));
             }
+            self.splice(u, i, 1, marked, tags);
         }
         self.clear(v);
+    }
+
+    /// The triangle of `u` and the wing after it in the star of `v` is that of `v` and the wing from now on.
+    fn hand_over_tags(&mut self, v: u32, u: u32, wing: Option<u32>) {
+        let Some(wing) = wing else { return };
+        if let (Some(at_v), Some(at_u)) = (self.position(v, wing), self.position(u, wing)) {
+            let tag = self.tag(v, at_v);
+            self.tags_mut(u)[at_u] = tag;
+        }
     }
 
     /// Takes all triangles of `v` out of the mesh; calls `left` with each neighbour and whether it has triangles still.
@@ -551,7 +697,7 @@ impl StarSlice<'_> {
             list.rotate_left(i + 1);
             let len = list.len();
             list[len - 2] |= LAST;
-            self.splice(x, len - 1, 1, &[]);
+            self.splice(x, len - 1, 1, &[], &[]);
             return;
         }
         let list = self.list_mut(x);
@@ -565,7 +711,7 @@ impl StarSlice<'_> {
         }
         let from = i - usize::from(lone_before);
         let to = i + 1 + usize::from(lone_after);
-        self.splice(x, from, to - from, &[]);
+        self.splice(x, from, to - from, &[], &[]);
     }
 
     /// Empties a star without a look at its neighbours.
@@ -575,6 +721,7 @@ impl StarSlice<'_> {
             && let Some(spill) = &mut self.spill
         {
             spill.lists[star.entries[0] as usize] = Vec::new();
+            spill.tags[star.entries[0] as usize] = Vec::new();
             spill.free.push(star.entries[0]);
         }
         self.star_mut(v).len = 0;

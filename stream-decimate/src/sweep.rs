@@ -20,8 +20,8 @@ pub(crate) const SWEPT: f64 = 4.0;
 const LENIENCE: f32 = 2.0;
 /// Vertices looked at to find a threshold.
 const SAMPLES: usize = 2048;
-/// Sweeps end when one does not take one of so many triangles.
-const WORTH: usize = 16;
+/// Sweeps end when one does not take one of so many of the triangles that are too many.
+const WORTH: usize = 8;
 
 /// What was done in a window.
 #[derive(Debug, Default)]
@@ -42,7 +42,7 @@ impl Decimation {
             if 2 * portion.num_vertices() < portion.num_slots() {
                 portion.compact();
             }
-            if before - portion.num_triangles() < before / WORTH {
+            if before - portion.num_triangles() < (before - goal) / WORTH {
                 break;
             }
         }

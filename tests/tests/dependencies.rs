@@ -26,7 +26,9 @@ fn may(name: &str) -> Option<&'static [&'static str]> {
         "stream-decimate" => &["halfedge", "qem", "mesh-io", "scratch"],
         "mergetree" => &["halfedge", "qem"],
         "xfm-format" => &["halfedge", "mergetree"],
-        "xfm-build" => &["halfedge", "scratch", "mergetree", "xfm-format"],
+        "xfm-build" => {
+            &["halfedge", "mesh-io", "scratch", "stream-decimate", "mergetree", "xfm-format"]
+        }
         "xfm-pager" => &["halfedge", "mergetree", "xfm-format"],
         _ => return None,
     })

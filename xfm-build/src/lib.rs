@@ -29,6 +29,7 @@ mod names;
 mod number;
 mod plan;
 mod progress;
+mod stream;
 mod write;
 
 #[cfg(test)]
@@ -46,3 +47,6 @@ pub use link::{LinkOptions, Linked, Linker};
 pub use names::{CoarseFace, CoarseMesh, CoarseVertex, NameBounds};
 pub use number::{NumberOptions, Numbered};
 pub use progress::{Observer, Progress, Stage};
+pub use stream::{
+    Input, MemoryPlan, MeshError, MeshOptions, MeshProgress, MeshReport, Mode, build_mesh,
+};

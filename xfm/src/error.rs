@@ -111,6 +111,50 @@ pub enum Error {
         /// What is allowed, in bytes.
         memory: u64,
     },
+    /// There is not enough room on a disk.
+    #[error(
+        "{}: about {} are needed there and {} are free; free some space, or name another folder with {remedy}",
+        folder.display(), text::size(*needed), text::size(*free)
+    )]
+    NoRoom {
+        /// The folder.
+        folder: PathBuf,
+        /// Bytes that are needed.
+        needed: u64,
+        /// Bytes that are free.
+        free: u64,
+        /// What names another folder.
+        remedy: &'static str,
+    },
+    /// A mesh does not fit through the memory in the order it comes.
+    #[error(
+        "{name}: it does not fit through {}, in no order: {} of {} triangles wait for their neighbours; raise --memory",
+        text::size(*memory), text::count(*waiting), text::count(*buffer as u64)
+    )]
+    MemoryTooSmallForOrder {
+        /// The input.
+        name: String,
+        /// Triangles of the buffer that wait for neighbours.
+        waiting: u64,
+        /// Triangles the buffer holds.
+        buffer: usize,
+        /// What is allowed, in bytes.
+        memory: u64,
+    },
+    /// A mesh could not be made into a file.
+    #[error(transparent)]
+    BuildMesh(xfm_build::MeshError),
+    /// A run cannot be gone on with, because its input is gone.
+    #[error(
+        "{name}: a pipe comes only once, so that --resume could not tell whether it is the same; give a file"
+    )]
+    ResumePipe {
+        /// The input.
+        name: String,
+    },
+    /// A stream could not be built into a file.
+    #[error(transparent)]
+    Build(#[from] xfm_build::Error),
     /// After the repair no triangle is left.
     #[error("{}: there is no triangle with three different corners; check that it is the file you meant", file.display())]
     NothingToBuild {

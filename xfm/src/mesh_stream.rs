@@ -21,6 +21,34 @@ fn is_pipe(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
+/// Where scratch files go best for an output: beside it if that is a file, else where the system has them.
+pub fn scratch_beside(output: &Path) -> PathBuf {
+    let is_file = !is_pipe(output) && output.metadata().map_or(true, |m| m.is_file());
+    match output.parent() {
+        _ if !is_file => std::env::temp_dir(),
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+/// The folder for scratch files that was named, or else the one that is best.
+///
+/// # Errors
+///
+/// [`Error::NoScratchFolder`] if the one that was named is not there.
+pub fn scratch_folder(
+    named: Option<&Path>,
+    best: impl FnOnce() -> PathBuf,
+) -> Result<PathBuf, Error> {
+    match named {
+        Some(folder) if !folder.is_dir() => {
+            Err(Error::NoScratchFolder { folder: folder.to_owned() })
+        }
+        Some(folder) => Ok(folder.to_owned()),
+        None => Ok(best()),
+    }
+}
+
 /// A mesh to be read.
 #[derive(Debug, Clone)]
 pub struct Input {
@@ -171,12 +199,7 @@ impl Output {
 
     /// Where scratch files go best: beside the output if that is a file, else where the system has them.
     pub fn scratch_folder(&self) -> PathBuf {
-        let is_file = !self.is_pipe() && self.path.metadata().map_or(true, |m| m.is_file());
-        match self.path.parent() {
-            _ if !is_file => std::env::temp_dir(),
-            Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
-            _ => PathBuf::from("."),
-        }
+        scratch_beside(&self.path)
     }
 
     /// A sink for triangles in a frame.

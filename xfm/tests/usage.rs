@@ -16,13 +16,16 @@ fn help_goes_to_standard_output_and_succeeds() {
 
 #[test]
 fn wrong_usage_exits_with_2_and_says_what_is_wrong() {
-    let cases: [(&[&str], &str); 6] = [
+    let cases: [(&[&str], &str); 9] = [
         (&[], "Usage"),
         (&["melt"], "melt"),
         (&["diff"], "<A>"),
         (&["diff", "a.obj"], "<B>"),
         (&["diff", "a.obj", "b.obj", "--samples", "0"], "--samples"),
         (&["diff", "a.obj", "b.obj", "--threads", "x"], "--threads"),
+        (&["build", "a.obj", "a.xfm", "--resume"], "--scratch"),
+        (&["build", "a.obj", "a.xfm", "--in-core", "--streaming"], "--streaming"),
+        (&["build", "a.obj", "a.xfm", "--in-core", "--resume", "--scratch", "."], "--resume"),
     ];
     for (args, told) in cases {
         let ran = xfm(args);

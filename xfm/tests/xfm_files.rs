@@ -394,3 +394,21 @@ fn coordinates_far_from_zero_keep_their_place_and_their_digits() {
     let ran = xfm(&["extract", &file, &folder.file("full.stl"), "--full"]);
     assert!(ran.stderr.contains("warning: ") && ran.stderr.contains("steps of 0.5"));
 }
+
+#[test]
+fn a_build_says_how_long_each_stage_took() {
+    let folder = Folder::new();
+    let input = folder.write("torus.obj", torus(60, 30));
+    let file = folder.file("torus.xfm");
+    let built = xfm(&["build", &input, &file, "--in-core", "--json"]).json();
+    assert_eq!(built["resumed"], false);
+    let stages = ["read", "collapse", "number", "write"]
+        .map(|stage| built["stages"][stage].as_f64().expect(stage));
+    assert!(stages[0] > 0.0 && stages[1] > 0.0 && stages[3] > 0.0, "{built}");
+    assert!(stages.iter().sum::<f64>() <= built["seconds"].as_f64().expect("a time"));
+    let told = xfm(&["build", &input, &file]);
+    assert!(told.stderr.contains("collapsed in"), "{}", told.stderr);
+    let folder = ["--scratch", "/no/such/folder"];
+    let ran = xfm(&[&["build", &input, &file][..], &folder].concat());
+    assert!(ran.error_line().contains("--scratch"));
+}

@@ -4,12 +4,13 @@ use std::io::Write;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use glam::Vec3;
 use serde_json::{Value, json};
 
 use super::malformed;
 use crate::codec::output::{BoxedOutput, Pen};
 use crate::codec::weld::Welder;
-use crate::{Error, Frame, IndexedMesh, Triangle, TriangleSink};
+use crate::{Error, Frame, IndexedMesh, IndexedSource, Triangle, TriangleSink};
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
@@ -36,12 +37,14 @@ pub(crate) enum Container {
 /// has no empty lists.
 pub(crate) fn write_mesh<W: Write>(
     pen: &mut Pen<W>,
-    mesh: &IndexedMesh,
+    mesh: &mut dyn IndexedSource,
     container: Container,
+    frame: Frame,
 ) -> Result<(), Error> {
-    let bytes = (mesh.positions.len() as u64 + mesh.triangles.len() as u64) * ITEM_BYTES as u64;
-    let bytes = if mesh.triangles.is_empty() { 0 } else { bytes };
-    let json = describe(mesh, bytes, container, pen.name())?.to_string();
+    let bytes = mesh.num_vertices().saturating_add(mesh.num_triangles()) * ITEM_BYTES as u64;
+    let bytes = if mesh.num_triangles() == 0 { 0 } else { bytes };
+    let bounds = bounds(mesh, frame, pen.name())?;
+    let json = describe(mesh, bytes, bounds, container).to_string();
     match container {
         Container::Json => {
             // The data goes between the address's prefix and whatever follows it.
@@ -49,7 +52,7 @@ pub(crate) fn write_mesh<W: Write>(
             let (before, after) = json.split_at(cut);
             pen.bytes(before.as_bytes())?;
             if bytes > 0 {
-                put_buffer(pen, mesh, |out, item| {
+                put_buffer(pen, mesh, frame, |out, item| {
                     let mut text = [0; ITEM_BYTES / 3 * 4];
                     // The sizes are constants that match.
                     let length = STANDARD.encode_slice(item, &mut text).unwrap_or(0);
@@ -85,7 +88,7 @@ pub(crate) fn write_mesh<W: Write>(
                 Ok(())
             })?;
             if bytes > 0 {
-                put_buffer(pen, mesh, |out, item| out.extend_from_slice(item))?;
+                put_buffer(pen, mesh, frame, |out, item| out.extend_from_slice(item))?;
             }
         }
     }
@@ -95,45 +98,65 @@ pub(crate) fn write_mesh<W: Write>(
 /// Positions, then indices, item by item.
 fn put_buffer<W: Write>(
     pen: &mut Pen<W>,
-    mesh: &IndexedMesh,
+    mesh: &mut dyn IndexedSource,
+    frame: Frame,
     put: impl Fn(&mut Vec<u8>, &[u8; ITEM_BYTES]),
 ) -> Result<(), Error> {
-    let positions = mesh.positions.iter().map(|p| p.to_array().map(f32::to_le_bytes));
-    let triangles = mesh.triangles.iter().map(|t| t.map(u32::to_le_bytes));
-    for words in positions.chain(triangles) {
+    let mut put = |words: [[u8; 4]; 3]| {
         let mut item = [0; ITEM_BYTES];
         item.copy_from_slice(words.as_flattened());
         pen.put(|out| {
             put(out, &item);
             Ok(())
-        })?;
-    }
-    Ok(())
+        })
+    };
+    mesh.each_position(&mut |positions| {
+        let mut words =
+            positions.iter().map(|&p| frame.to_single(p).to_array().map(f32::to_le_bytes));
+        words.try_for_each(&mut put)
+    })?;
+    mesh.each_triangle(&mut |triangles| {
+        triangles.iter().map(|t| t.map(u32::to_le_bytes)).try_for_each(&mut put)
+    })
+}
+
+/// Least and largest coordinates as they are written; without vertices not a range.
+fn bounds(mesh: &mut dyn IndexedSource, frame: Frame, name: &str) -> Result<[Vec3; 2], Error> {
+    let mut vertex = 0_u64;
+    let [mut low, mut high] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    mesh.each_position(&mut |positions| {
+        for position in positions.iter().map(|&position| frame.to_single(position)) {
+            if !position.is_finite() {
+                return Err(malformed(
+                    name,
+                    format!("vertex {vertex} is not finite, which glTF cannot hold"),
+                    "remove it, or write PLY",
+                ));
+            }
+            (low, high) = (low.min(position), high.max(position));
+            vertex += 1;
+        }
+        Ok(())
+    })?;
+    Ok([low, high])
 }
 
 fn describe(
-    mesh: &IndexedMesh,
+    mesh: &dyn IndexedSource,
     bytes: u64,
+    [low, high]: [Vec3; 2],
     container: Container,
-    name: &str,
-) -> Result<Value, Error> {
-    if let Some(vertex) = mesh.positions.iter().position(|position| !position.is_finite()) {
-        return Err(malformed(
-            name,
-            format!("vertex {vertex} is not finite, which glTF cannot hold"),
-            "remove it, or write PLY",
-        ));
-    }
+) -> Value {
     let asset = json!({ "version": "2.0", "generator": "mesh-io" });
-    let (Some((low, high)), true) = (mesh.bounds(), bytes > 0) else {
-        return Ok(json!({ "asset": asset }));
-    };
-    let split = (mesh.positions.len() * ITEM_BYTES) as u64;
+    if bytes == 0 {
+        return json!({ "asset": asset });
+    }
+    let split = mesh.num_vertices() * ITEM_BYTES as u64;
     let buffer = match container {
         Container::Json => json!({ "byteLength": bytes, "uri": DATA_URI }),
         Container::Binary => json!({ "byteLength": bytes }),
     };
-    Ok(json!({
+    json!({
         "asset": asset,
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
@@ -145,7 +168,7 @@ fn describe(
             {
                 "bufferView": 0,
                 "componentType": FLOAT,
-                "count": mesh.positions.len(),
+                "count": mesh.num_vertices(),
                 "type": "VEC3",
                 "min": low.to_array(),
                 "max": high.to_array()
@@ -153,7 +176,7 @@ fn describe(
             {
                 "bufferView": 1,
                 "componentType": UNSIGNED_INT,
-                "count": 3 * mesh.triangles.len(),
+                "count": 3 * mesh.num_triangles(),
                 "type": "SCALAR"
             }
         ],
@@ -167,7 +190,7 @@ fn describe(
             }
         ],
         "buffers": [buffer]
-    }))
+    })
 }
 
 /// Gathers a stream of triangles, welded, and writes it at the end.
@@ -219,7 +242,8 @@ impl TriangleSink for GltfSink<'_> {
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
-        write_mesh(&mut self.pen, &self.mesh, self.container)?;
+        // What was gathered is in the frame of the file already.
+        write_mesh(&mut self.pen, &mut &self.mesh, self.container, Frame::default())?;
         self.pen.commit()
     }
 }

@@ -7,7 +7,7 @@ use glam::Vec3;
 use crate::codec::output::{BoxedOutput, Pen};
 use crate::codec::text::write_point;
 use crate::codec::weld::Welder;
-use crate::{Error, Frame, IndexedMesh, Triangle, TriangleSink};
+use crate::{Error, Frame, IndexedSource, Triangle, TriangleSink};
 
 const TITLE: &[u8] = b"# written by mesh-io\n";
 
@@ -24,14 +24,18 @@ fn put_face(out: &mut Vec<u8>, triangle: [u32; 3]) -> io::Result<()> {
 }
 
 /// The whole mesh.
-pub(crate) fn write_mesh<W: Write>(pen: &mut Pen<W>, mesh: &IndexedMesh) -> Result<(), Error> {
+pub(crate) fn write_mesh<W: Write>(
+    pen: &mut Pen<W>,
+    mesh: &mut dyn IndexedSource,
+    frame: Frame,
+) -> Result<(), Error> {
     pen.bytes(TITLE)?;
-    for &position in &mesh.positions {
-        pen.put(|out| put_vertex(out, position, &Frame::default()))?;
-    }
-    for &triangle in &mesh.triangles {
-        pen.put(|out| put_face(out, triangle))?;
-    }
+    mesh.each_position(&mut |positions| {
+        positions.iter().try_for_each(|&p| pen.put(|out| put_vertex(out, p, &frame)))
+    })?;
+    mesh.each_triangle(&mut |triangles| {
+        triangles.iter().try_for_each(|&t| pen.put(|out| put_face(out, t)))
+    })?;
     pen.flush()
 }
 

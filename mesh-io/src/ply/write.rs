@@ -8,7 +8,7 @@ use tempfile::SpooledTempFile;
 use crate::codec::output::{BoxedOutput, Pen, patchable, spool};
 use crate::codec::text::write_point;
 use crate::codec::weld::Welder;
-use crate::{Error, Frame, IndexedMesh, Triangle, TriangleSink};
+use crate::{Error, Frame, IndexedSource, Triangle, TriangleSink};
 
 /// How the rows are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,18 +91,17 @@ fn header(rows: Rows, num_vertices: u64, num_faces: u64) -> String {
 /// The whole mesh.
 pub(crate) fn write_mesh<W: Write>(
     pen: &mut Pen<W>,
-    mesh: &IndexedMesh,
-    encoding: Encoding,
+    mesh: &mut dyn IndexedSource,
+    rows: Rows,
 ) -> Result<(), Error> {
-    let rows = Rows { encoding, frame: Frame::default() };
-    let header = header(rows, mesh.positions.len() as u64, mesh.triangles.len() as u64);
+    let header = header(rows, mesh.num_vertices(), mesh.num_triangles());
     pen.bytes(header.as_bytes())?;
-    for &position in &mesh.positions {
-        pen.put(|out| rows.put_vertex(out, position))?;
-    }
-    for &triangle in &mesh.triangles {
-        pen.put(|out| rows.put_face(out, triangle))?;
-    }
+    mesh.each_position(&mut |positions| {
+        positions.iter().try_for_each(|&p| pen.put(|out| rows.put_vertex(out, p)))
+    })?;
+    mesh.each_triangle(&mut |triangles| {
+        triangles.iter().try_for_each(|&t| pen.put(|out| rows.put_face(out, t)))
+    })?;
     pen.flush()
 }
 

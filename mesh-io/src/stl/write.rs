@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::{HEADER_BYTES, RECORD_BYTES};
 use crate::codec::output::{BoxedOutput, Pen, patchable};
 use crate::codec::text::{write_direction, write_point};
-use crate::{Error, Frame, IndexedMesh, Triangle, TriangleSink};
+use crate::{Error, Frame, IndexedSource, Triangle, TriangleSink};
 
 /// Must not begin with "solid", or else readers take the file for text.
 const TITLE: &[u8] = b"binary STL written by mesh-io";
@@ -62,27 +62,28 @@ fn too_many(name: &str) -> Error {
 /// The whole mesh, in binary or as text.
 pub(crate) fn write_mesh<W: Write>(
     pen: &mut Pen<W>,
-    mesh: &IndexedMesh,
+    mesh: &mut dyn IndexedSource,
     ascii: bool,
+    frame: Frame,
 ) -> Result<(), Error> {
     if ascii {
         pen.put(|out| writeln!(out, "solid {NAME}"))?;
     } else {
-        let count = u32::try_from(mesh.triangles.len()).map_err(|_| too_many(pen.name()))?;
+        let count = u32::try_from(mesh.num_triangles()).map_err(|_| too_many(pen.name()))?;
         pen.bytes(&header(count))?;
     }
-    let frame = Frame::default();
-    for triangle in 0..mesh.triangles.len() {
-        let corners = mesh.corners(triangle);
-        pen.put(|out| {
-            if ascii {
-                put_facet(out, &corners, &frame)
-            } else {
-                put_record(out, &corners, &frame);
-                Ok(())
-            }
-        })?;
-    }
+    mesh.each_corners(&mut |triangles| {
+        triangles.iter().try_for_each(|corners| {
+            pen.put(|out| {
+                if ascii {
+                    put_facet(out, corners, &frame)
+                } else {
+                    put_record(out, corners, &frame);
+                    Ok(())
+                }
+            })
+        })
+    })?;
     if ascii {
         pen.put(|out| writeln!(out, "endsolid {NAME}"))?;
     }

@@ -140,3 +140,26 @@ fn progress_counts_up_to_the_size_of_the_file() {
     assert!(calls.len() > 3 && calls.is_sorted());
     assert_eq!(calls.last(), Some(&(size, Some(size))));
 }
+
+#[test]
+fn vertices_at_one_place_stay_two_in_any_frame() {
+    use glam::{DVec3, Vec3};
+    use mesh_io::{Frame, IndexedMesh, read_mesh_from, write_indexed_to};
+
+    let mesh = IndexedMesh {
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ZERO, Vec3::Z, Vec3::X],
+        triangles: vec![[0, 1, 2], [3, 4, 5]],
+    };
+    let far = Frame { origin: DVec3::new(500_000.0, 0.0, 0.0), double: true };
+    for frame in [Frame::default(), far] {
+        for format in [Format::PlyBinaryLittle, Format::PlyAscii, Format::Obj, Format::Glb] {
+            let mut bytes = Vec::new();
+            write_indexed_to(&mut bytes, format, &mut &mesh, frame).unwrap();
+            let back = read_mesh_from(&bytes[..], format, "mesh").unwrap();
+            assert_eq!(back.triangles, mesh.triangles, "{format:?}");
+            let expected: Vec<Vec3> =
+                mesh.positions.iter().map(|&p| frame.to_file(p).as_vec3()).collect();
+            assert_eq!(back.positions, expected, "{format:?}");
+        }
+    }
+}

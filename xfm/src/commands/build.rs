@@ -1,33 +1,32 @@
 //! `xfm build`: from a mesh to a `.xfm` file.
 
-use std::fmt;
+mod mesh;
+mod plan;
+mod report;
+
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::ValueEnum;
-use mergetree::{BuildOptions, Forest};
-use mesh_io::{Format, IndexedMesh};
-use serde::Serialize;
-use xfm_format::{Precision, WriteOptions, WriteReport};
+use mesh_io::{Format, Frame};
+use xfm_format::{Precision, WriteOptions};
 
-use crate::memory::{AnonymousPeak, peak_rss};
-use crate::mesh_file::read_mesh_in_frame;
-use crate::progress::{Progress, Unit};
-use crate::repaired::{self, Repaired};
+use crate::memory::AnonymousPeak;
+use crate::mesh_stream::{Input, scratch_beside, scratch_folder};
 use crate::report::ReportTo;
 use crate::threads::with_threads;
-use crate::{Error, interrupt, text, values};
-
-/// Anonymous memory that building in core takes per triangle at its peak, with a reserve: between 100 and 130 were measured.
-const BYTES_PER_TRIANGLE: u64 = 160;
-/// And whatever the size of the mesh.
-const BYTES_ALWAYS: u64 = 24 << 20;
+use crate::{Error, values};
+use plan::{Mode, Plan};
+use report::{BuildReport, Built};
 
 /// Build a view-dependent .xfm file from a mesh
 ///
 /// The input is welded and repaired into a manifold first; what that took is reported. Positions are kept bit for bit, those far
-/// from zero about an origin near them, so that they keep their digits. The file appears whole or not at all, and is the same, byte for byte, for any number of threads.
+/// from zero about an origin near them, so that they keep their digits. The file appears whole or not at all, and is the same,
+/// byte for byte, for any number of threads.
+///
+/// What fits --memory is built in core, anything else streaming, through scratch files.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -59,6 +58,18 @@ pub struct BuildArgs {
     /// Format of the input where its name does not tell: stl, ply, obj, gltf, glb
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     from: Option<Format>,
+    /// Folder for scratch files [default: that of the output]
+    #[arg(long, value_name = "DIR")]
+    scratch: Option<PathBuf>,
+    /// Build with the whole mesh in memory, whatever its size is thought to be
+    #[arg(long, conflicts_with = "streaming")]
+    in_core: bool,
+    /// Build through scratch files, even where the mesh would fit into memory
+    #[arg(long)]
+    streaming: bool,
+    /// Keep what was collapsed in the scratch folder, and go on with what an earlier run has left there
+    #[arg(long, requires = "scratch", conflicts_with = "in_core")]
+    resume: bool,
     /// Worker threads [default: one for each core]
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
@@ -76,59 +87,6 @@ enum EncodingArg {
     Compact,
 }
 
-/// What `xfm build` reports; sizes in bytes.
-#[derive(Debug, Clone, Serialize)]
-struct BuildReport {
-    input_triangles: u64,
-    mode: &'static str,
-    seconds: f64,
-    peak_rss: Option<u64>,
-    peak_anon: Option<u64>,
-    memory: u64,
-    file_bytes: u64,
-    bytes_per_triangle: f64,
-    nodes: u64,
-    base_triangles: u64,
-    tree_depth: u64,
-    blocks: u64,
-    pages: u64,
-    fill: f64,
-    scratch_bytes: u64,
-    repaired: Repaired,
-}
-
-impl fmt::Display for BuildReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{} triangles in {} ({}), {} per triangle",
-            text::count(self.input_triangles),
-            text::seconds(self.seconds),
-            self.mode,
-            text::seconds(self.seconds / self.input_triangles as f64)
-        )?;
-        if let Some(repaired) = repaired::words(&self.repaired) {
-            writeln!(f, "repaired: {repaired}")?;
-        }
-        writeln!(
-            f,
-            "file {}, {:.1} bytes per triangle: {} nodes over {} triangles, {} levels deep; {} blocks, {:.0} % full, in {} pages",
-            text::size(self.file_bytes),
-            self.bytes_per_triangle,
-            text::count(self.nodes),
-            text::count(self.base_triangles),
-            self.tree_depth,
-            text::count(self.blocks),
-            self.fill * 100.0,
-            text::count(self.pages)
-        )?;
-        match self.peak_anon {
-            Some(peak) => write!(f, "peak {} of {}", text::size(peak), text::size(self.memory)),
-            None => write!(f, "memory allowed {}", text::size(self.memory)),
-        }
-    }
-}
-
 /// Runs the command.
 ///
 /// # Errors
@@ -140,55 +98,45 @@ pub fn run(args: &BuildArgs) -> Result<(), Error> {
         return Err(Error::NoCompactEncoding);
     }
     check_output(&args.output)?;
+    let input = Input::new(&args.input, args.from);
+    if args.resume && !input.is_file() {
+        return Err(Error::ResumePipe { name: input.name() });
+    }
+    let plan = args.plan(&input)?;
+    plan.check_memory(&args.input)?;
+    plan.check_room(&args.output)?;
     let peak = AnonymousPeak::watch();
-    let built = with_threads(args.threads, || build(args))?;
-    ReportTo::new(args.json).deliver(&BuildReport {
-        input_triangles: built.input_triangles,
-        mode: "in-core",
-        seconds: start.elapsed().as_secs_f64(),
-        peak_rss: peak_rss(),
-        peak_anon: peak.so_far(),
-        memory: args.memory,
-        file_bytes: built.written.file_bytes,
-        bytes_per_triangle: built.written.file_bytes as f64 / built.input_triangles as f64,
-        nodes: built.nodes,
-        base_triangles: built.base_triangles,
-        tree_depth: built.written.tree_depth,
-        blocks: built.written.blocks,
-        pages: built.written.pages,
-        fill: built.written.fill,
-        scratch_bytes: 0,
-        repaired: built.repaired,
-    })
+    let built = with_threads(args.threads, || build(args, &input, &plan))?;
+    let report = BuildReport::new(built, &plan, start.elapsed(), &peak);
+    ReportTo::new(args.json).deliver(&report)
 }
 
-/// What came of a build.
-struct Built {
-    input_triangles: u64,
-    nodes: u64,
-    base_triangles: u64,
-    repaired: Repaired,
-    written: WriteReport,
+impl BuildArgs {
+    fn plan(&self, input: &Input) -> Result<Plan, Error> {
+        let forced = match (self.in_core, self.streaming || self.resume) {
+            (true, _) => Some(Mode::InCore),
+            (_, true) => Some(Mode::Streaming),
+            _ => None,
+        };
+        let expected = plan::expected_triangles(input, &self.input)?;
+        let scratch = scratch_folder(self.scratch.as_deref(), || scratch_beside(&self.output))?;
+        Ok(Plan::new(expected, self.memory, forced, scratch))
+    }
 }
 
-fn build(args: &BuildArgs) -> Result<Built, Error> {
-    let (mesh, frame) = read_mesh_in_frame(&args.input, args.from)?;
-    let input_triangles = mesh.triangles.len() as u64;
-    check_memory(&args.input, input_triangles, args.memory)?;
-    let (forest, repaired) = to_forest(&args.input, mesh)?;
-    interrupt::check()?;
+fn build(args: &BuildArgs, input: &Input, plan: &Plan) -> Result<Built, Error> {
+    let (path, output, levels) = (&args.input, &args.output, args.levels);
+    let (resume, threads) = (args.resume, args.threads);
+    mesh::build(&mesh::Request { input, path, output, levels, threads, resume }, plan)
+}
+
+/// How a file of a mesh in this frame is written.
+fn write_options(levels: u32, frame: Frame) -> WriteOptions {
     let mut options = WriteOptions::default();
-    options.levels = args.levels;
+    options.levels = levels;
     options.origin = frame.origin;
     options.precision = if frame.double { Precision::Double } else { Precision::Single };
-    let written = xfm_format::write(&forest, &args.output, &options)?;
-    Ok(Built {
-        input_triangles,
-        nodes: forest.nodes.len() as u64,
-        base_triangles: forest.base.faces.len() as u64,
-        repaired,
-        written,
-    })
+    options
 }
 
 /// Before the long work: a folder that is not there would be found only after it.
@@ -201,35 +149,4 @@ fn check_output(output: &Path) -> Result<(), Error> {
         }
         _ => Ok(()),
     }
-}
-
-fn check_memory(input: &Path, triangles: u64, memory: u64) -> Result<(), Error> {
-    let needed = BYTES_ALWAYS + triangles.saturating_mul(BYTES_PER_TRIANGLE);
-    if needed > memory {
-        return Err(Error::MemoryTooSmall { file: input.to_owned(), triangles, needed, memory });
-    }
-    Ok(())
-}
-
-/// Repairs the mesh and builds its forest. Nothing is on the disk yet, so Ctrl-C may end the process at once.
-fn to_forest(input: &Path, mesh: IndexedMesh) -> Result<(Forest, Repaired), Error> {
-    interrupt::freely(|| {
-        let repaired = halfedge::repair(&mesh.positions, &mesh.triangles)
-            .map_err(|source| Error::Repair { file: input.to_owned(), source })?;
-        drop(mesh);
-        if repaired.mesh.num_faces() == 0 {
-            return Err(Error::NothingToBuild { file: input.to_owned() });
-        }
-        let counts = repaired::counts(&repaired.report);
-        const STEPS: f32 = 1000.0;
-        let progress = Progress::new("building", Some(STEPS as u64), Unit::Items);
-        let forest = mergetree::build(
-            repaired.mesh,
-            &repaired.positions,
-            &BuildOptions::default(),
-            &|share| progress.set((share * STEPS) as u64),
-        )
-        .map_err(|source| Error::Forest { file: input.to_owned(), source })?;
-        Ok((forest, counts))
-    })
 }

@@ -19,7 +19,7 @@ use stream_decimate::{
 use self::bar::Bar;
 use crate::memory::peak_rss;
 use crate::mesh_file::read_mesh_in_frame;
-use crate::mesh_stream::{Input, Kept, Output};
+use crate::mesh_stream::{Input, Kept, Output, scratch_folder};
 use crate::repaired::{self, Repaired};
 use crate::report::{ReportTo, say};
 use crate::threads::with_threads;
@@ -186,13 +186,7 @@ impl DecimateArgs {
     }
 
     fn scratch(&self, output: &Output) -> Result<PathBuf, Error> {
-        match &self.scratch {
-            Some(folder) if !folder.is_dir() => {
-                Err(Error::NoScratchFolder { folder: folder.clone() })
-            }
-            Some(folder) => Ok(folder.clone()),
-            None => Ok(output.scratch_folder()),
-        }
+        scratch_folder(self.scratch.as_deref(), || output.scratch_folder())
     }
 }
 

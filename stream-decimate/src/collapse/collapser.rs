@@ -1,0 +1,222 @@
+//! READ and collapse, until all is read, and then to the end.
+
+use std::ops::ControlFlow;
+
+use halfedge::{FaceId, VertexId};
+use mesh_io::Triangle;
+use rayon::ThreadPool;
+
+use crate::collapse::round::Rounds;
+use crate::collapse::{
+    CollapseOptions, CollapseReport, Collapsed, CollapsedFace, CollapsedMesh, CollapsedVertex,
+};
+use crate::finality::Finality;
+use crate::insert::Inserter;
+use crate::portion::{Portion, state};
+use crate::reorder::reorder;
+use crate::sealed::Sealed;
+use crate::{Error, Observer, OptionsError, Progress};
+
+/// Vertices that a buffer holds at most: half as many again as a closed mesh has.
+pub(crate) fn most_vertices(triangles: usize) -> usize {
+    triangles * 3 / 4
+}
+
+/// Takes triangles, and tells collapses.
+#[derive(Debug)]
+pub(crate) struct Collapser {
+    capacity: usize,
+    base_triangles: usize,
+    pool: ThreadPool,
+    portion: Portion,
+    inserter: Inserter,
+    rounds: Rounds,
+    /// The axis and the coordinate below which every vertex in the buffer has had its last triangle.
+    below: Option<(usize, f32)>,
+    read: u64,
+    peak: usize,
+    done: Vec<Collapsed>,
+}
+
+impl Collapser {
+    pub(crate) fn new(options: &CollapseOptions) -> Result<Self, Error> {
+        let capacity = options.buffer_triangles;
+        if capacity < 64 {
+            return Err(OptionsError::Buffer(capacity).into());
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(options.threads.map_or(0, |n| n.get()))
+            .build()
+            .map_err(Error::Threads)?;
+        // Memory that is not used is none.
+        let mut portion = Portion::with_names(capacity * 9 / 16);
+        portion.sealed = Sealed::default();
+        let mut inserter = Inserter::default();
+        inserter.begin(&mut portion, capacity.min(1 << 20) / 2);
+        Ok(Self {
+            capacity,
+            base_triangles: options.base_triangles,
+            pool,
+            portion,
+            inserter,
+            rounds: Rounds::new(),
+            below: None,
+            read: 0,
+            peak: 0,
+            done: Vec::new(),
+        })
+    }
+
+    /// Takes triangles; whenever the buffer is full, collapses it to half.
+    pub(crate) fn push<E: From<Error>>(
+        &mut self,
+        triangles: &[Triangle],
+        finality: Finality<'_>,
+        tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
+        observer: &mut Observer<'_>,
+    ) -> Result<(), E> {
+        let last: &[u8] = match finality {
+            Finality::Corners(tags) => tags,
+            _ => &[],
+        };
+        let mut at = 0;
+        while at < triangles.len() {
+            let room = (self.capacity - self.portion.num_triangles().min(self.capacity))
+                .min(most_vertices(self.capacity).saturating_sub(self.portion.num_vertices()) / 3);
+            if room == 0 {
+                self.make_room(tell, observer)?;
+                continue;
+            }
+            let end = triangles.len().min(at + room);
+            let last = last.get(at..end).unwrap_or_default();
+            self.inserter.insert_all(&mut self.portion, &triangles[at..end], last, self.read);
+            self.read += (end - at) as u64;
+            at = end;
+        }
+        if let Finality::Below { axis, coordinate } = finality {
+            self.below = Some((axis, coordinate));
+        }
+        Ok(())
+    }
+
+    fn make_room<E: From<Error>>(
+        &mut self,
+        tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
+        observer: &mut Observer<'_>,
+    ) -> Result<(), E> {
+        self.peak = self.peak.max(self.portion.num_triangles());
+        self.inserter.seal_final(&mut self.portion, self.below);
+        let waiting = self.portion.num_waiting_triangles();
+        if 2 * waiting > self.capacity {
+            return Err(self.unsorted(waiting).into());
+        }
+        let goal = (self.capacity / 2).max(waiting + waiting / 2);
+        self.collapse_to(goal, tell, observer)?;
+        let most = most_vertices(self.capacity);
+        if 16 * self.portion.num_triangles() > 15 * self.capacity
+            || 16 * self.portion.num_vertices() > 15 * most
+        {
+            return Err(self.unsorted(waiting).into());
+        }
+        self.inserter.begin(&mut self.portion, self.capacity / 4);
+        Ok(())
+    }
+
+    fn unsorted(&self, waiting: usize) -> Error {
+        Error::Unsorted { read: self.read, waiting: waiting as u64, buffer: self.capacity }
+    }
+
+    /// Collapses down to this number of triangles, or as far as that goes.
+    fn collapse_to<E: From<Error>>(
+        &mut self,
+        goal: usize,
+        tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
+        observer: &mut Observer<'_>,
+    ) -> Result<(), E> {
+        let Self { portion, pool, rounds, done, .. } = self;
+        portion.settle();
+        pool.install(|| reorder(portion));
+        while portion.num_triangles() > goal {
+            if 2 * portion.num_vertices() < portion.num_slots() {
+                portion.compact();
+            }
+            let performed = pool.install(|| rounds.perform(portion, goal, done));
+            for collapse in done.drain(..) {
+                tell(&collapse)?;
+            }
+            if performed == 0 {
+                break;
+            }
+            if observer(&self::progress(self.read, self.capacity, portion))
+                == ControlFlow::Break(())
+            {
+                return Err(Error::Interrupted.into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Collapses what is left, and tells what remains.
+    pub(crate) fn finish<E: From<Error>>(
+        mut self,
+        tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
+        observer: &mut Observer<'_>,
+    ) -> Result<(CollapsedMesh, CollapseReport), E> {
+        self.peak = self.peak.max(self.portion.num_triangles());
+        for v in 0..self.portion.num_slots() as u32 {
+            if self.portion.state(v) == state::OPEN {
+                self.inserter.seal(&mut self.portion, v);
+            }
+        }
+        // Nothing is looked up any more.
+        self.inserter.forget();
+        self.collapse_to(self.base_triangles, tell, observer)?;
+        let report = CollapseReport {
+            input_triangles: self.read,
+            repaired: self.inserter.repairs,
+            peak_buffer_triangles: self.peak as u64,
+        };
+        Ok((self.rest(), report))
+    }
+
+    /// How far it is.
+    pub(crate) fn progress(&self) -> Progress {
+        self::progress(self.read, self.capacity, &self.portion)
+    }
+
+    fn rest(&self) -> CollapsedMesh {
+        let portion = &self.portion;
+        let mut mesh = CollapsedMesh::default();
+        let name = |v: u32| VertexId::new(portion.identities[v as usize].name);
+        let mut corners = Vec::new();
+        for v in (0..portion.num_slots() as u32).filter(|&v| portion.state(v) != state::FREE) {
+            mesh.vertices.push(CollapsedVertex {
+                name: name(v),
+                position: portion.position(v),
+                normal: portion.identities[v as usize].normal.normalize_or_zero(),
+            });
+            let fans = portion.stars.fans(v);
+            let tags = portion.stars.tags(v).iter().enumerate();
+            corners.extend(tags.filter(|&(i, _)| !fans.is_last(i)).map(|(_, &h)| (h, name(v))));
+        }
+        // The three of a face come together.
+        corners.sort_unstable_by_key(|&(h, _)| h);
+        let faces = corners.chunks_exact(3).map(|face| CollapsedFace {
+            name: FaceId::new(face[0].0 / 3),
+            corners: [face[0].1, face[1].1, face[2].1],
+        });
+        mesh.faces.extend(faces);
+        mesh
+    }
+}
+
+fn progress(read: u64, capacity: usize, portion: &Portion) -> Progress {
+    let buffered = portion.num_triangles() as u64;
+    Progress {
+        read,
+        buffered,
+        capacity: capacity as u64,
+        resolution: buffered as f64 / (read.max(1)) as f64,
+        ..Default::default()
+    }
+}
