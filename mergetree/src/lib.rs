@@ -62,7 +62,7 @@ pub use front::{
     UpdateLimits, UpdateStats,
 };
 pub use node::{HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
-pub use ranks::{RankError, ranks};
+pub use ranks::{RankAccount, RankError, ranks};
 pub use record::{CollapseRecord, StarBounds};
 pub use store::NodeStore;
 pub use view::{ToleranceControl, View};

@@ -1,6 +1,6 @@
 //! Orders as small numbers: equal where it makes no difference which collapse came first.
 
-use halfedge::{BuildError, HalfEdgeId, HalfEdgeMesh};
+use halfedge::{BuildError, Collapse, HalfEdgeId, HalfEdgeMesh};
 
 use crate::front::{ActiveMesh, FrontVertex};
 use crate::{Forest, HalfEdgeName, NodeId, SlotId};
@@ -17,19 +17,20 @@ pub enum RankError {
     Misfit(NodeId),
 }
 
-/// Numbers that can stand for the [orders](crate::Node::order) of the nodes of a forest: as few different ones as possible,
-/// small, and yet such that every front is the same.
+/// Numbers that can stand for the [orders](crate::Node::order) of the nodes of a forest: few different ones, small, and yet
+/// such that fronts stay what they are.
 ///
-/// A split touches the vertex that it divides and all neighbours of that. The rank of a node is one less than the least
-/// rank that touched its vertex before. So ranks of two nodes are in the order of their collapses wherever these met: a
-/// child's is smaller than its parent's, a node's smaller than that of those it names half-edges of, and of two splits at
-/// neighbouring vertices, which [`Dependencies::Order`](crate::Dependencies::Order) compares, the later one has the smaller
-/// rank. Of others it may be anything. The least is 0.
+/// A collapse touches the vertex that it removes and the neighbours of that. Its rank is one more than the largest of those
+/// that touched the vertex that it removes or the one that it keeps before, or 0 where there is none. So ranks are in the
+/// order of the collapses wherever that matters: a child's is smaller than its parent's, a node's smaller than that of those
+/// it names half-edges of, and of two collapses of which one changes triangles around a vertex of the other the later one
+/// has the larger rank. Then a front under [`Dependencies::Order`](crate::Dependencies::Order) has no triangle that it could
+/// not have with orders.
 ///
 /// Returns a rank for each node, in the order of [`Forest::nodes`].
 ///
 /// # Complexity
-/// Time: one split for every node and the degree of its vertex. Memory: the finest mesh, and 8 bytes per node.
+/// Time: one split for every node and the degree of its vertex. Memory: the finest mesh, and 40 bytes per node.
 ///
 /// # Errors
 /// [`RankError`], when the forest does not refine.
@@ -41,10 +42,9 @@ pub fn ranks(forest: &Forest) -> Result<Vec<u32>, RankError> {
     let mut by_order: Vec<NodeId> = (0..forest.nodes.len()).map(NodeId::from_index).collect();
     by_order.sort_by_key(|id| std::cmp::Reverse(forest.nodes[id.index()].order));
     let mut slots: Vec<Option<SlotId>> = vec![None; forest.nodes.len()];
-    // Per vertex of the mesh how many splits deep it was touched last; per node how deep its split is.
-    let mut touched = vec![0u32; base.vertices.len() + forest.nodes.len()];
-    let mut depths = vec![0u32; forest.nodes.len()];
-    let mut deepest = 0;
+    // What each split touched, from the last collapse to the first.
+    let mut rings: Vec<u32> = Vec::with_capacity(6 * forest.nodes.len());
+    let mut splits: Vec<Split> = Vec::with_capacity(forest.nodes.len());
     for (slot, &id) in (0..).map(SlotId::new).zip(&by_order) {
         let node = &forest.nodes[id.index()];
         let misfit = || RankError::Misfit(id);
@@ -59,23 +59,54 @@ pub fn ranks(forest: &Forest) -> Result<Vec<u32>, RankError> {
                 }
             });
         }
-        let [w, x, _, _] = adjacent;
-        let out = x.or_else(|| w.map(|w| w.next())).ok_or_else(misfit)?;
-        let kept = mesh.start(out);
-        let depth = touched[kept as usize] + 1;
-        mesh.for_each_neighbour(out, |r| {
-            touched[r as usize] = touched[r as usize].max(depth);
-        });
         let vertex = FrontVertex { position: node.position, normal: node.normal, level: 0 };
-        let divided = mesh.split(slot, adjacent, vertex).map_err(|_| misfit())?;
-        if divided != kept {
-            return Err(misfit());
-        }
-        touched[kept as usize] = depth;
-        touched[mesh.vertex_of(slot) as usize] = depth;
+        let kept = mesh.split(slot, adjacent, vertex).map_err(|_| misfit())?;
+        mesh.for_each_neighbour(mesh.half_edge_of(slot, 0), |r| rings.push(r));
+        splits.push(Split { kept, removed: mesh.vertex_of(slot), ring_end: rings.len() });
         slots[id.index()] = Some(slot);
-        depths[id.index()] = depth;
-        deepest = deepest.max(depth);
     }
-    Ok(depths.into_iter().map(|depth| deepest - depth).collect())
+    // Per vertex one more than the rank that touched it last.
+    let mut touched = vec![0u32; base.vertices.len() + forest.nodes.len()];
+    let mut ranks = vec![0u32; forest.nodes.len()];
+    for (index, (split, id)) in splits.iter().zip(&by_order).enumerate().rev() {
+        let rank = touched[split.removed as usize].max(touched[split.kept as usize]);
+        let ring_start = index.checked_sub(1).map_or(0, |before| splits[before].ring_end);
+        for &r in &rings[ring_start..split.ring_end] {
+            touched[r as usize] = touched[r as usize].max(rank + 1);
+        }
+        ranks[id.index()] = rank;
+    }
+    Ok(ranks)
+}
+
+/// A split as it was done.
+struct Split {
+    kept: u32,
+    removed: u32,
+    /// Where the neighbours of the vertex that came end.
+    ring_end: usize,
+}
+
+/// Keeps account of the ranks of collapses while they are done; see [`ranks`].
+#[derive(Clone, Debug, Default)]
+pub struct RankAccount {
+    /// Per vertex one more than the rank that touched it last.
+    touched: Vec<u32>,
+}
+
+impl RankAccount {
+    /// The rank of the collapse that is to be done next.
+    ///
+    /// # Complexity
+    /// Linear in the valence of the vertex that is removed.
+    pub fn next(&mut self, mesh: &HalfEdgeMesh, collapse: &Collapse) -> u32 {
+        self.touched.resize(mesh.vertex_capacity().max(self.touched.len()), 0);
+        let [v, u] = [collapse.removed.index(), collapse.kept.index()];
+        let rank = self.touched[v].max(self.touched[u]);
+        for r in mesh.one_ring(collapse.removed) {
+            let touched = &mut self.touched[r.index()];
+            *touched = (*touched).max(rank + 1);
+        }
+        rank
+    }
 }

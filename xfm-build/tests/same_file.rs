@@ -45,7 +45,7 @@ fn check(shape: &Shape, records: &Records, write_options: &WriteOptions, seed: u
                 panic!("the files differ, and what is in them does not");
             }
             let chunk = 4096;
-            let log = 56 * sequence.records.len() as u64;
+            let log = 60 * sequence.records.len() as u64;
             match memory {
                 Memory::Ample => assert_eq!(scratch, 0),
                 Memory::Least => assert!(scratch + 2 * chunk >= log && scratch < log + 40 * chunk),

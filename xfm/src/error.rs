@@ -93,9 +93,14 @@ pub enum Error {
         /// The triangles it was to hold.
         triangles: usize,
     },
-    /// The encoding is not there yet.
-    #[error("the encoding `compact` is not available yet; use `--encoding exact`")]
-    NoCompactEncoding,
+    /// How large a share of a pipe's bounding box is cannot be known.
+    #[error(
+        "{name}: the bounding box of a pipe is not known beforehand; give --position-error in model units, like 0.05u, or build from a file"
+    )]
+    ShareOfPipe {
+        /// The input.
+        name: String,
+    },
     /// The input needs more memory than it may have.
     #[error(
         "{}: building {} triangles takes up to {}, {} are allowed; raise --memory", file.display(),
