@@ -5,7 +5,7 @@ mod common;
 use common::{forest, naive_mesh, random_records, small, sorted_triangles};
 use halfedge::HalfEdgeMesh;
 use mergetree::{
-    BuildOptions, Dependencies, Forest, Front, NodeId, NodeStore, UpdateLimits,
+    BuildOptions, Dependencies, Forest, Front, HalfEdgeName, NodeId, NodeStore, UpdateLimits,
     collapse_in_independent_sets, ranks,
 };
 use proptest::prelude::*;
@@ -17,6 +17,13 @@ fn split_set(forest: &Forest) -> Vec<bool> {
 
 fn id(pick: &Index, forest: &Forest) -> NodeId {
     NodeId::from_index(pick.index(forest.nodes.len()))
+}
+
+fn stand_ranks_for_orders(forest: &mut Forest) {
+    let ranks = ranks(forest).unwrap();
+    for (node, rank) in forest.nodes.iter_mut().zip(ranks) {
+        node.order = rank;
+    }
 }
 
 fn euler(triangles: &[[u32; 3]], num_vertices: usize) -> i64 {
@@ -34,11 +41,15 @@ proptest! {
         collapses in prop::collection::vec(any::<Index>(), 0..200),
         steps in prop::collection::vec((any::<bool>(), any::<Index>()), 1..80),
         order in any::<bool>(),
+        ranked in any::<bool>(),
     ) {
         let shape = &small()[which];
         let records = random_records(shape, &collapses);
         let mut forest = forest(shape, &records);
         prop_assume!(!forest.nodes.is_empty());
+        if ranked {
+            stand_ranks_for_orders(&mut forest);
+        }
         let dependencies = if order { Dependencies::Order } else { Dependencies::Links };
         let mut front = Front::new(&forest, dependencies).unwrap();
         let topology = euler(&shape.triangles, shape.positions.len());
@@ -104,11 +115,10 @@ proptest! {
     }
 
     #[test]
-    fn ranks_stand_for_orders(
+    fn ranks_are_those_that_records_have_and_in_the_order_of_dependencies(
         which in 0usize..5,
         collapses in prop::collection::vec(any::<Index>(), 0..200),
         sets in any::<bool>(),
-        steps in prop::collection::vec((any::<bool>(), any::<Index>()), 1..120),
     ) {
         let shape = &small()[which];
         let records = if sets {
@@ -117,33 +127,28 @@ proptest! {
         } else {
             random_records(shape, &collapses)
         };
-        let mut ordered = forest(shape, &records);
-        prop_assume!(!ordered.nodes.is_empty());
-        let mut ranked = ordered.clone();
-        for (node, rank) in ranked.nodes.iter_mut().zip(ranks(&ordered).unwrap()) {
-            prop_assert!((rank as usize) < records.records.len());
-            node.order = rank;
-        }
-        let mut a = Front::new(&ordered, Dependencies::Order).unwrap();
-        let mut b = Front::new(&ranked, Dependencies::Order).unwrap();
-        for (split, pick) in &steps {
-            let id = id(pick, &ordered);
-            if *split {
-                a.split(&mut ordered, id, 0.0).unwrap();
-                b.split(&mut ranked, id, 0.0).unwrap();
-            } else {
-                let collapsed = a.collapse(&mut ordered, id);
-                prop_assert_eq!(collapsed, b.collapse(&mut ranked, id));
+        let forest = forest(shape, &records);
+        let ranks = ranks(&forest).unwrap();
+        let noted: Vec<_> = records.records.iter().map(|record| record.rank).collect();
+        prop_assert_eq!(&noted, &ranks.iter().copied().map(Some).collect::<Vec<_>>());
+        let names = forest.base.names();
+        for (node, &rank) in forest.nodes.iter().zip(&ranks) {
+            prop_assert!(rank <= node.order);
+            for child in node.children() {
+                prop_assert!(ranks[child.index()] < rank);
             }
-            prop_assert_eq!(b.validate(&ranked), Ok(()));
-            prop_assert_eq!(split_set(&ordered), split_set(&ranked));
-            prop_assert_eq!(sorted_triangles(a.to_mesh()), sorted_triangles(b.to_mesh()));
+            for name in node.adjacent.into_iter().flatten() {
+                if let HalfEdgeName::Node(owner, _) = names.resolve(name) {
+                    prop_assert!(ranks[owner.index()] > rank);
+                }
+            }
         }
     }
 
     #[test]
     fn with_orders_no_triangle_is_one_the_build_did_not_make(
         which in 0usize..5,
+        ranked in any::<bool>(),
         steps in prop::collection::vec((any::<bool>(), any::<Index>()), 1..120),
     ) {
         let shape = &small()[which];
@@ -165,6 +170,9 @@ proptest! {
         }
         let mut forest = forest(shape, &records);
         prop_assume!(!forest.nodes.is_empty());
+        if ranked {
+            stand_ranks_for_orders(&mut forest);
+        }
         let mut front = Front::new(&forest, Dependencies::Order).unwrap();
         for (split, pick) in &steps {
             let id = id(pick, &forest);
