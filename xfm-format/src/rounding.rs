@@ -188,7 +188,7 @@ mod tests {
                 worst = worst.max(v.angle_between(rounded.to_vec3()).to_degrees());
             }
         }
-        assert!(worst < 0.45, "{worst}");
+        assert!(worst < 0.5, "{worst}");
     }
 
     #[test]
