@@ -6,7 +6,7 @@ use xfm_format::{FileWriter, Totals, WriteOptions, XfmFile, verify};
 /// The bytes that stand in FORMAT.md: in lines of an offset and bytes, up to two spaces.
 fn bytes_in_format_md() -> Vec<u8> {
     let text = include_str!("../FORMAT.md");
-    let example = &text[text.find("## 8. A whole file").unwrap()..];
+    let example = &text[text.find("## 9. A whole file").unwrap()..];
     let mut bytes = Vec::new();
     for line in example.lines() {
         let Some((offset, rest)) = line.strip_prefix("    ").and_then(|line| line.split_once(' '))
