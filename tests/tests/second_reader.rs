@@ -79,8 +79,7 @@ fn it_reads_the_files_that_have_to_stay_readable() {
         eprintln!("there is no Python with NumPy here");
         return;
     };
-    let golden =
-        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../xfm-format/tests/golden");
+    let golden = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../xfm-format/tests/golden");
     let folder = tempfile::tempdir().unwrap();
     for name in ["version-2.xfm", "version-2-compact.xfm"] {
         let path = folder.path().join(name);

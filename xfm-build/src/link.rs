@@ -174,7 +174,12 @@ impl Linker {
         let mut store_options = StoreOptions::default();
         store_options.chunk_bytes = plan.chunk_bytes;
         store_options.memory_bytes = plan.held;
-        Ok(Self::with_store(scratch, Store::new(scratch, &store_options), options, (plan, rounding)))
+        Ok(Self::with_store(
+            scratch,
+            Store::new(scratch, &store_options),
+            options,
+            (plan, rounding),
+        ))
     }
 
     /// A linker with a log that stays when it is whole, until the file is there, so that a later run can go on with it

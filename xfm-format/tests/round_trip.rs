@@ -9,9 +9,7 @@ use glam::Vec3;
 use halfedge::HalfEdgeId;
 use mergetree::{Forest, HalfEdgeName, NodeId, OctNormal};
 use proptest::prelude::*;
-use xfm_format::{
-    BlockId, Encoding, Error, PositionError, WriteOptions, XfmFile, verify, write,
-};
+use xfm_format::{BlockId, Encoding, Error, PositionError, WriteOptions, XfmFile, verify, write};
 
 fn options(levels: u32, page_nodes: usize) -> WriteOptions {
     let mut options = WriteOptions::default();

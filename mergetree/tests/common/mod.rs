@@ -3,7 +3,9 @@
 
 use glam::{Vec3, vec3};
 use halfedge::{HalfEdgeMesh, VertexId};
-use mergetree::{CollapseRecord, Forest, OctNormal, RankAccount, Records, StarBounds, vertex_normals};
+use mergetree::{
+    CollapseRecord, Forest, OctNormal, RankAccount, Records, StarBounds, vertex_normals,
+};
 
 /// A mesh with positions.
 #[derive(Clone, Debug)]

@@ -421,7 +421,8 @@ fn check_numbers(
         if !context.rounding.has_bounds(node) {
             return Err(defect("a radius, cone or deviation that was not rounded"));
         }
-        if node.order == u32::MAX || u64::from(node.order) >= order_above(page, context, *reference) {
+        if node.order == u32::MAX || u64::from(node.order) >= order_above(page, context, *reference)
+        {
             return Err(defect("an order that is not below its parent's and the number of nodes"));
         }
         for half_edge in node.adjacent.into_iter().flatten() {

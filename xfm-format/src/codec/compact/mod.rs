@@ -163,7 +163,8 @@ impl Model {
             let kin = &mut self.kin[index];
             kin.children = if outside > 0 { 2 } else { u8::from(children > 0) };
             if kin.parent != NO_PARENT {
-                kin.class = [0, 0, 1, 1][size.min(3) as usize] + u8::from(size > 3) + u8::from(size > 15);
+                kin.class =
+                    [0, 0, 1, 1][size.min(3) as usize] + u8::from(size > 3) + u8::from(size > 15);
                 let parent = kin.parent as usize;
                 self.firsts[parent] = self.firsts[parent].saturating_add(size);
                 within[parent] += 1;
@@ -257,7 +258,8 @@ impl Model {
         for (index, node) in part.nodes.iter_mut().enumerate() {
             let kin = self.kin[index];
             let near = self.corners.get(kin.near as usize).copied().unwrap_or_default();
-            let own = if C::WRITES { rounding.corner(node.position).unwrap_or_default() } else { [0; 3] };
+            let own =
+                if C::WRITES { rounding.corner(node.position).unwrap_or_default() } else { [0; 3] };
             let [own_way, near_way] = [index, kin.near as usize].map(|node| self.directions[node]);
             let normal = [0, 1, 2].map(|axis| own_way[axis] + near_way[axis]);
             let along = largest(normal);
@@ -413,7 +415,13 @@ fn direction([x, y]: [i32; 2]) -> [i32; 3] {
 #[inline(always)]
 fn largest(v: [i32; 3]) -> usize {
     let [x, y, z] = v.map(i32::abs);
-    if x >= y && x >= z && x > 0 { 0 } else if y >= z && y > 0 { 1 } else { 2 }
+    if x >= y && x >= z && x > 0 {
+        0
+    } else if y >= z && y > 0 {
+        1
+    } else {
+        2
+    }
 }
 
 /// A quotient rounded to the nearest integer, halves up; zero where the divisor is zero. It is below 2^31, and the divisor

@@ -8,8 +8,8 @@ use std::collections::HashMap;
 use halfedge::HalfEdgeId;
 use mergetree::{HalfEdgeName, NodeId};
 
-use super::{Kin, NO_PARENT, Part};
 use super::entropy::Symbols;
+use super::{Kin, NO_PARENT, Part};
 
 /// Not known, or not there.
 const NONE: u32 = u32::MAX;
@@ -142,13 +142,7 @@ impl Stars {
 
     /// The half-edges `w, x, y, z` of a node.
     #[inline(always)]
-    pub fn node<S: Symbols>(
-        &mut self,
-        symbols: S,
-        part: &mut Part<'_>,
-        node: u32,
-        kin: Kin,
-    ) -> S {
+    pub fn node<S: Symbols>(&mut self, symbols: S, part: &mut Part<'_>, node: u32, kin: Kin) -> S {
         let [w, x, y, z] = part.nodes[node as usize].adjacent.map(|name| name.map(HalfEdgeId::get));
         // A half-edge out of the vertex that is divided.
         let mut from = NONE;
@@ -190,7 +184,9 @@ impl Stars {
         wanted: Option<u32>,
     ) -> (S, u32) {
         let mut symbol = 0;
-        if S::WRITES && let Some(name) = wanted {
+        if S::WRITES
+            && let Some(name) = wanted
+        {
             let h = self.find(name, part);
             symbol = self.steps_to(from, first, h).map_or(1, |steps| steps + 2);
         }
