@@ -380,8 +380,10 @@ impl Writer {
             match self.bits.get(at) {
                 Some(&Bits::Plain { count, value }) => stream.push(count, value),
                 Some(&Bits::Tables { first, count }) => {
-                    for table in first..first + count {
-                        stream.table(&self.counts[table], &mut frequencies_of[table]);
+                    let tables = first..first + count;
+                    let frequencies = &mut frequencies_of[tables.clone()];
+                    for (counts, into) in self.counts[tables].iter().zip(frequencies) {
+                        stream.table(counts, into);
                     }
                 }
                 None => {}
@@ -414,7 +416,7 @@ impl Writer {
                 words.push(*state as u16);
                 *state >>= 16;
             }
-            *state = (*state / frequency << FREQUENCY_BITS) + *state % frequency + first;
+            *state = ((*state / frequency) << FREQUENCY_BITS) + *state % frequency + first;
         }
         word_marks[..mark].fill(words.len());
         words.reverse();

@@ -387,7 +387,7 @@ fn code(bound: f32) -> u16 {
 }
 
 fn raised(code: u16, zeros: u32) -> u16 {
-    (u32::from(code) + (1 << zeros) - 1 >> zeros) as u16
+    ((u32::from(code) + (1 << zeros) - 1) >> zeros) as u16
 }
 
 fn bound(code: i64, zeros: u32, max: u16) -> Result<f32, &'static str> {
