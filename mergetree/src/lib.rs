@@ -47,6 +47,7 @@ mod cut;
 mod forest;
 mod front;
 mod node;
+mod ranks;
 mod record;
 mod store;
 mod view;
@@ -61,6 +62,7 @@ pub use front::{
     UpdateLimits, UpdateStats,
 };
 pub use node::{HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
+pub use ranks::{RankAccount, RankError, ranks};
 pub use record::{CollapseRecord, StarBounds};
 pub use store::NodeStore;
 pub use view::{ToleranceControl, View};

@@ -23,6 +23,8 @@ pub struct CollapseRecord {
     pub adjacent: [Option<HalfEdgeId>; 4],
     /// Bounds of what this collapse changes by itself.
     pub star: StarBounds,
+    /// A smaller number that can stand for the order; see [`ranks`](crate::ranks()). `None` where nobody has kept account.
+    pub rank: Option<u32>,
 }
 
 /// Bounds of the triangles around a vertex when it is removed, without what was removed before.
@@ -51,7 +53,7 @@ impl StarBounds {
 }
 
 impl CollapseRecord {
-    /// The record of a collapse.
+    /// The record of a collapse, without rank.
     pub fn new(collapse: &Collapse, star: StarBounds) -> Self {
         Self {
             removed: collapse.removed,
@@ -60,6 +62,7 @@ impl CollapseRecord {
             reverse: collapse.reverse,
             adjacent: collapse.adjacent,
             star,
+            rank: None,
         }
     }
 }

@@ -5,8 +5,8 @@ mod common;
 use common::{forest, naive_mesh, random_records, small, sorted_triangles};
 use halfedge::HalfEdgeMesh;
 use mergetree::{
-    BuildOptions, Dependencies, Forest, Front, NodeId, NodeStore, UpdateLimits,
-    collapse_in_independent_sets,
+    BuildOptions, Dependencies, Forest, Front, HalfEdgeName, NodeId, NodeStore, UpdateLimits,
+    collapse_in_independent_sets, ranks,
 };
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -17,6 +17,13 @@ fn split_set(forest: &Forest) -> Vec<bool> {
 
 fn id(pick: &Index, forest: &Forest) -> NodeId {
     NodeId::from_index(pick.index(forest.nodes.len()))
+}
+
+fn stand_ranks_for_orders(forest: &mut Forest) {
+    let ranks = ranks(forest).unwrap();
+    for (node, rank) in forest.nodes.iter_mut().zip(ranks) {
+        node.order = rank;
+    }
 }
 
 fn euler(triangles: &[[u32; 3]], num_vertices: usize) -> i64 {
@@ -34,11 +41,15 @@ proptest! {
         collapses in prop::collection::vec(any::<Index>(), 0..200),
         steps in prop::collection::vec((any::<bool>(), any::<Index>()), 1..80),
         order in any::<bool>(),
+        ranked in any::<bool>(),
     ) {
         let shape = &small()[which];
         let records = random_records(shape, &collapses);
         let mut forest = forest(shape, &records);
         prop_assume!(!forest.nodes.is_empty());
+        if ranked {
+            stand_ranks_for_orders(&mut forest);
+        }
         let dependencies = if order { Dependencies::Order } else { Dependencies::Links };
         let mut front = Front::new(&forest, dependencies).unwrap();
         let topology = euler(&shape.triangles, shape.positions.len());
@@ -104,8 +115,40 @@ proptest! {
     }
 
     #[test]
+    fn ranks_are_those_that_records_have_and_in_the_order_of_dependencies(
+        which in 0usize..5,
+        collapses in prop::collection::vec(any::<Index>(), 0..200),
+        sets in any::<bool>(),
+    ) {
+        let shape = &small()[which];
+        let records = if sets {
+            let options = { let mut o = BuildOptions::default(); o.base_faces = 4; o };
+            collapse_in_independent_sets(shape.mesh(), &shape.positions, &shape.normals(), &options, &|_| ())
+        } else {
+            random_records(shape, &collapses)
+        };
+        let forest = forest(shape, &records);
+        let ranks = ranks(&forest).unwrap();
+        let noted: Vec<_> = records.records.iter().map(|record| record.rank).collect();
+        prop_assert_eq!(&noted, &ranks.iter().copied().map(Some).collect::<Vec<_>>());
+        let names = forest.base.names();
+        for (node, &rank) in forest.nodes.iter().zip(&ranks) {
+            prop_assert!(rank <= node.order);
+            for child in node.children() {
+                prop_assert!(ranks[child.index()] < rank);
+            }
+            for name in node.adjacent.into_iter().flatten() {
+                if let HalfEdgeName::Node(owner, _) = names.resolve(name) {
+                    prop_assert!(ranks[owner.index()] > rank);
+                }
+            }
+        }
+    }
+
+    #[test]
     fn with_orders_no_triangle_is_one_the_build_did_not_make(
         which in 0usize..5,
+        ranked in any::<bool>(),
         steps in prop::collection::vec((any::<bool>(), any::<Index>()), 1..120),
     ) {
         let shape = &small()[which];
@@ -127,6 +170,9 @@ proptest! {
         }
         let mut forest = forest(shape, &records);
         prop_assume!(!forest.nodes.is_empty());
+        if ranked {
+            stand_ranks_for_orders(&mut forest);
+        }
         let mut front = Front::new(&forest, Dependencies::Order).unwrap();
         for (split, pick) in &steps {
             let id = id(pick, &forest);

@@ -7,6 +7,8 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Identity {
     pub(crate) name: u32,
+    /// One more than the rank of the collapse that touched it last.
+    pub(crate) touched: u32,
     /// The sum of the normals of the triangles it came with.
     pub(crate) normal: Vec3,
     /// The sum of the unit normals of all vertices that it has taken and of its own; zero while triangles may still come.

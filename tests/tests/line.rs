@@ -2,7 +2,7 @@
 
 use mergetree::{Camera, CameraPath, Dependencies, Front, UpdateLimits};
 use tests::{forest, model, topology, triangle_set, triangles};
-use xfm_format::{WriteOptions, XfmFile, verify, write};
+use xfm_format::{Encoding, WriteOptions, XfmFile, verify, write};
 use xfm_pager::{Detail, Pager, PagerOptions, Session};
 use xtask::generate::Shape;
 
@@ -31,13 +31,45 @@ fn full_refinement_of_a_paged_file_is_the_input() {
 }
 
 #[test]
+fn full_refinement_of_a_compact_file_is_the_input_within_the_error() {
+    for (shape, holes) in MODELS {
+        let model = model(shape, 6_000, holes);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.xfm");
+        let mut options = WriteOptions::default();
+        options.encoding = Encoding::Compact;
+        write(&forest(&model), &path, &options).unwrap();
+        let file = XfmFile::open(&path).unwrap();
+        assert!(verify(&file, |_| {}).errors.is_empty());
+        let rounding = file.header().rounding;
+        let error = rounding.error();
+        let rounded: Vec<_> =
+            model.positions.iter().map(|&p| rounding.position(p).unwrap()).collect();
+        for (was, is) in model.positions.iter().zip(&rounded) {
+            assert!(f64::from(was.distance(*is)) <= error);
+        }
+        let mut pager = Pager::open(&path, PagerOptions::default()).unwrap();
+        let mut front = Front::new(&pager, Dependencies::Order).unwrap();
+        front.update(&mut pager, |_| 1.0, &UpdateLimits::with_tolerance(0.0));
+        front.validate(&pager).unwrap();
+        let (positions, full) = front.to_mesh();
+        let input = triangles(&model.mesh);
+        assert_eq!(triangle_set(&positions, &full), triangle_set(&rounded, &input));
+    }
+}
+
+#[test]
 fn every_frame_of_a_flight_is_a_manifold_of_the_input_s_topology_whatever_the_quota() {
     for (shape, holes) in MODELS {
         let model = model(shape, 20_000, holes);
         let input = topology(model.positions.len(), &triangles(&model.mesh)).0;
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.xfm");
-        write(&forest(&model), &path, &WriteOptions::default()).unwrap();
+        let mut options = WriteOptions::default();
+        if shape == Shape::Scan {
+            options.encoding = Encoding::Compact;
+        }
+        write(&forest(&model), &path, &options).unwrap();
         let bounds = XfmFile::open(&path).unwrap().header().bounds;
         let orbit = CameraPath::orbit(bounds[0], bounds[1], 12);
         for (dependencies, quota) in [

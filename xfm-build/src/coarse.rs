@@ -5,6 +5,7 @@ use std::cmp::Reverse;
 use bytemuck::{Pod, Zeroable};
 use halfedge::FaceId;
 use mergetree::{BaseMesh, BaseVertex, CutRule, NodeId};
+use xfm_format::Rounding;
 
 use crate::link::Top;
 use crate::log::PageSize;
@@ -37,6 +38,19 @@ pub(crate) struct CoarseRoot {
 }
 
 impl Coarse {
+    /// Moves the vertices to where they are written.
+    pub fn round(&mut self, rounding: Rounding) -> Result<(), Error> {
+        for vertex in &mut self.base.vertices {
+            if vertex.position.is_finite() {
+                vertex.position = rounding
+                    .position(vertex.position)
+                    .ok_or(Error::Coarse(CoarseProblem::TooFar))?;
+            }
+            vertex.normal = rounding.normal(vertex.normal);
+        }
+        Ok(())
+    }
+
     /// Notes the id of the root of a tree.
     pub fn set_root(&mut self, tree: u32, id: NodeId) {
         let vertex = self.roots.get(tree as usize).map(|root| root.vertex as usize);

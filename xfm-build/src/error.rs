@@ -89,6 +89,9 @@ pub enum RecordProblem {
     /// Position or bounds are not finite numbers.
     #[error("a position or bound that is not a finite number")]
     NotFinite,
+    /// The grid of the positions does not reach so far.
+    #[error("a position too far from the origin for the error allowed")]
+    TooFar,
     /// It names a half-edge whose face is neither removed later nor in the coarsest mesh.
     #[error(
         "half-edge {0} belongs to a face that is neither removed later nor in the coarsest mesh"
@@ -118,6 +121,9 @@ pub enum CoarseProblem {
     /// A vertex that others were collapsed into is missing.
     #[error("vertex {0} is missing, and others were collapsed into it")]
     NoVertex(u32),
+    /// The grid of the positions does not reach a vertex.
+    #[error("a vertex is too far from the origin for the error allowed")]
+    TooFar,
     /// There are more faces than half-edges can have names.
     #[error("too many faces")]
     TooLarge,

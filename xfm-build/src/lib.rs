@@ -11,9 +11,10 @@
 //!
 //! Vertices and faces have [names](NameBounds) that are used again, so that tables by name are as large as what is in memory
 //! at once, and not as the mesh. Log and buckets lie in memory as far as they fit, and then in one scratch file, in which
-//! buckets take the place of what was read of the log: 56 bytes per collapse in all.
+//! buckets take the place of what was read of the log: 60 bytes per collapse in all.
 //!
-//! [`mergetree::Forest::from_records`] and [`xfm_format::write`] do the same in memory, and give the same file byte for byte.
+//! [`mergetree::Forest::from_records`] and [`xfm_format::write`] do the same in memory, and give the same file byte for
+//! byte; a compact one up to its bounds, which are a little tighter here.
 //!
 //! A log may be [kept](Keep): then a run that was broken off after linking is gone on with by [`resume`].
 

@@ -7,7 +7,7 @@ use mergetree::{
     BoundCodes, Bounded, CollapseRecord, Cut, CutRule, HalfEdgeNames, Node, OctNormal, OpenPiece,
 };
 use scratch::{Scratch, Spool, Store, StoreOptions};
-use xfm_format::{Numbering, WriteOptions};
+use xfm_format::{Numbering, Rounding, WriteOptions};
 
 use crate::coarse::{Coarse, close};
 use crate::kept::{Keep, Kept};
@@ -139,12 +139,13 @@ impl Counts {
 /// the same block and page; that is all that the next collapse into it, or of it, needs.
 ///
 /// # Complexity
-/// Time: constant per collapse. Memory: as [`LinkOptions::memory_bytes`] says. Scratch space: 56 bytes per collapse beyond
+/// Time: constant per collapse. Memory: as [`LinkOptions::memory_bytes`] says. Scratch space: 60 bytes per collapse beyond
 /// what fits into that memory.
 #[derive(Debug)]
 pub struct Linker {
     scratch: Scratch,
     write: WriteOptions,
+    rounding: Rounding,
     rule: CutRule,
     numbering: Numbering,
     names: NameBounds,
@@ -169,10 +170,16 @@ impl Linker {
     /// out of its range.
     pub fn new(scratch: &Scratch, options: &LinkOptions) -> Result<Self, Error> {
         let plan = LinkPlan::new(options)?;
+        let rounding = options.write.rounding()?;
         let mut store_options = StoreOptions::default();
         store_options.chunk_bytes = plan.chunk_bytes;
         store_options.memory_bytes = plan.held;
-        Ok(Self::with_store(scratch, Store::new(scratch, &store_options), options, plan))
+        Ok(Self::with_store(
+            scratch,
+            Store::new(scratch, &store_options),
+            options,
+            (plan, rounding),
+        ))
     }
 
     /// A linker with a log that stays when it is whole, until the file is there, so that a later run can go on with it
@@ -182,8 +189,9 @@ impl Linker {
     /// As [`new`](Self::new), and when there is such a log already: then either go on with it or [remove](Keep::remove) it.
     pub fn new_kept(scratch: &Scratch, options: &LinkOptions, keep: &Keep) -> Result<Self, Error> {
         let plan = LinkPlan::new(options)?;
+        let rounding = options.write.rounding()?;
         let store = Store::new_kept(scratch, &keep.log_name(), plan.chunk_bytes)?;
-        let mut linker = Self::with_store(scratch, store, options, plan);
+        let mut linker = Self::with_store(scratch, store, options, (plan, rounding));
         linker.kept = Some(Kept::new(scratch, keep));
         Ok(linker)
     }
@@ -196,11 +204,17 @@ impl Linker {
         Ok(self.scratch.require(self.plan.scratch_bytes(nodes, self.kept.is_some()))?)
     }
 
-    fn with_store(scratch: &Scratch, store: Store, options: &LinkOptions, plan: LinkPlan) -> Self {
+    fn with_store(
+        scratch: &Scratch,
+        store: Store,
+        options: &LinkOptions,
+        (plan, rounding): (LinkPlan, Rounding),
+    ) -> Self {
         let numbering = Numbering::new(options.write.levels);
         Self {
             scratch: scratch.clone(),
             write: options.write.clone(),
+            rounding,
             rule: plan::cut_rule(&options.write),
             numbering,
             names: options.names,
@@ -250,7 +264,7 @@ impl Linker {
         let [v, u] = [record.removed.index(), record.kept.index()];
         let below = [self.tops[v], self.tops[u]];
         let pieces = below.each_ref().map(Top::piece);
-        let node = Node {
+        let mut node = Node {
             position,
             normal,
             radius: record.star.radius,
@@ -260,8 +274,14 @@ impl Linker {
             ..Node::BLANK
         };
         let children = below.iter().zip(&pieces).filter(|(_, piece)| piece.is_some());
-        let codes = BoundCodes::enclosing(&node, children.map(|(top, _)| top.bounded()))
+        if self.rounding.position(position).is_none() {
+            return Err(wrong(RecordProblem::TooFar));
+        }
+        let codes = self
+            .rounding
+            .round(&mut node, children.map(|(top, _)| top.bounded()))
             .ok_or_else(|| wrong(RecordProblem::NotFinite))?;
+        let Node { position, normal, .. } = node;
         let [left, right] = pieces;
         let (piece, cuts) = self.rule.join(left, right);
         let child = |i: usize| {
@@ -305,8 +325,9 @@ impl Linker {
     /// and [`Error::State`].
     pub fn finish(mut self, mesh: &CoarseMesh) -> Result<Linked, Error> {
         self.plan.check(self.counts.nodes, mesh.vertices.len(), mesh.faces.len())?;
-        let coarse = close(mesh, self.names, &mut self.tops, self.rule)?;
-        for vertex in &mesh.vertices {
+        let mut coarse = close(mesh, self.names, &mut self.tops, self.rule)?;
+        coarse.round(self.rounding)?;
+        for vertex in &coarse.base.vertices {
             self.counts.add_position(vertex.position);
         }
         let names = HalfEdgeNames::new(mesh.faces.len());

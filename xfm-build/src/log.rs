@@ -5,7 +5,7 @@ use glam::Vec3;
 use halfedge::{HalfEdgeId, VertexId};
 use mergetree::{BoundCodes, CollapseRecord, Cut, OctNormal, OpenPiece};
 
-use crate::names::{MAX_VERTEX, from_option, to_option};
+use crate::names::{MAX_VERTEX, NONE, from_option, to_option};
 
 /// One collapse in the log, with what was found out about it on the way: its bounds, and where it is cut from its children.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -23,9 +23,11 @@ pub(crate) struct LogEntry {
     pub codes: [u16; 3],
     /// Nodes of the blocks that the left and the right child are in, as far as they reach down; 0 for no child.
     weights: [u8; 2],
+    /// The rank, or [`NONE`].
+    pub rank: u32,
 }
 
-const _: () = assert!(size_of::<LogEntry>() == 56);
+const _: () = assert!(size_of::<LogEntry>() == 60);
 
 /// How large the page is that a child begins; in a spool beside the log, the left child's before the right one's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -76,6 +78,7 @@ impl LogEntry {
             normal,
             codes: [codes.radius, codes.cone_sine, codes.deviation],
             weights: children.map(|child| child.map_or(0, |child| child.block_nodes)),
+            rank: record.rank.unwrap_or(NONE),
         }
     }
 
@@ -129,7 +132,6 @@ mod tests {
     use mergetree::StarBounds;
 
     use super::*;
-    use crate::names::NONE;
 
     #[test]
     fn entries_give_back_what_they_were_made_of() {
@@ -141,6 +143,7 @@ mod tests {
             reverse: None,
             adjacent: [h(1), h(NONE - 1), None, None],
             star: StarBounds::default(),
+            rank: None,
         };
         let child = |block_nodes, cut| Some(LoggedChild { block_nodes, cut });
         for left in [None, child(255, Cut::None), child(3, Cut::Block), child(1, Cut::Page)] {

@@ -3,7 +3,7 @@
 use halfedge::HalfEdgeId;
 use mergetree::{Cut, HalfEdgeNames, NodeId};
 use scratch::{Piece, Spool, Store, StoreOptions};
-use xfm_format::{Numbering, Totals, WriteOptions};
+use xfm_format::{Encoding, Numbering, Totals, WriteOptions};
 
 use crate::bucket::{Above, Buckets, PackedAbove, Placed, Side};
 use crate::coarse::Coarse;
@@ -81,6 +81,8 @@ struct Numberer<'a> {
     buckets: Buckets,
     sizes: SizesBack,
     coarse: &'a mut Coarse,
+    /// Whether ranks are written for orders.
+    has_ranks: bool,
     depth: u32,
 }
 
@@ -164,7 +166,7 @@ impl Numberer<'_> {
         let placed = Placed {
             id: at.id.get(),
             above: expected.above,
-            order: order as u32,
+            order: if self.has_ranks && entry.rank != NONE { entry.rank } else { order as u32 },
             position: entry.position(),
             normal: entry.normal,
             codes: entry.codes,
@@ -419,6 +421,7 @@ impl Linked {
             buckets: Buckets::new(numbering, write.page_nodes as u32, plan.bucket_nodes),
             sizes: SizesBack::new(sizes),
             coarse: &mut coarse,
+            has_ranks: write.encoding == Encoding::Compact,
             depth: 0,
         };
         numberer.begin()?;

@@ -304,7 +304,15 @@ fn record_of(collapse: &Collapsed) -> (CollapseRecord, OctNormal) {
         deviation: collapse.deviation,
     };
     let &Collapsed { removed, kept, half_edge, reverse, adjacent, normal, .. } = collapse;
-    let record = CollapseRecord { removed, kept, half_edge, reverse, adjacent, star };
+    let record = CollapseRecord {
+        removed,
+        kept,
+        half_edge,
+        reverse,
+        adjacent,
+        star,
+        rank: Some(collapse.rank),
+    };
     (record, OctNormal::new(normal))
 }
 

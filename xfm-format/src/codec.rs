@@ -3,6 +3,7 @@
 //! Blocks and their nodes are stored column by column. A node is predicted by its parent where that lies in the same page,
 //! and otherwise by the last node of the page that had no parent there either.
 
+mod compact;
 mod decode;
 mod encode;
 mod shape;
@@ -15,6 +16,7 @@ pub(crate) use encode::{PageDefect, PageEncoder};
 
 use crate::header::Header;
 use crate::numbering::Numbering;
+use crate::rounding::Rounding;
 
 /// What the bytes of a page depend on beyond the page.
 #[derive(Clone, Debug)]
@@ -28,6 +30,8 @@ pub(crate) struct PageContext {
     pub num_blocks: u64,
     /// Numbers per node of attributes that this version reads over.
     pub unknown_components: usize,
+    /// Nothing is rounded where the encoding is the exact one.
+    pub rounding: Rounding,
 }
 
 impl PageContext {
@@ -46,6 +50,7 @@ impl PageContext {
                 .skip(crate::header::standard_attributes().len())
                 .map(|attribute| usize::from(attribute.components))
                 .sum(),
+            rounding: header.rounding,
         }
     }
 
@@ -61,6 +66,16 @@ impl PageContext {
             _ => Some(HalfEdgeId::new(name as u32)),
         }
     }
+}
+
+/// Tables for shapes in a compact page: one for each of these.
+const SHAPE_TABLES: usize = 2;
+/// And for links: to children in the page, to children in other pages, to what is above tops.
+const LINK_TABLES: usize = 3;
+
+/// The table of a shape after another one: whether that has a child beside it in its block.
+fn shape_table(last: u32) -> usize {
+    usize::from(last & 3 == 1 || last >> 2 == 1)
 }
 
 /// Where the value of a node is predicted from.
@@ -131,6 +146,30 @@ impl FieldBytes {
     /// All together: the length of the file.
     pub fn total(&self) -> u64 {
         self.iter().map(|(_, bytes)| bytes).sum()
+    }
+
+    /// Of a compact page of so many bytes, from how many of them each field ends after.
+    fn from_marks(marks: &[usize], length: usize) -> Self {
+        let mut bytes = Self::default();
+        let mut fields = [
+            &mut bytes.shape,
+            &mut bytes.links,
+            &mut bytes.order,
+            &mut bytes.adjacent,
+            &mut bytes.normal,
+            &mut bytes.position,
+            &mut bytes.radius,
+            &mut bytes.cone,
+            &mut bytes.deviation,
+        ];
+        let mut last = 0;
+        for (field, &mark) in fields.iter_mut().zip(marks) {
+            **field = mark.saturating_sub(last) as u64;
+            last = last.max(mark);
+        }
+        // Lengths, and states of the coder.
+        bytes.shape += length.saturating_sub(last) as u64;
+        bytes
     }
 
     pub(crate) fn add(&mut self, other: &Self) {

@@ -121,7 +121,7 @@ impl ColumnEncoder {
     }
 }
 
-fn push_varint(out: &mut Vec<u8>, mut value: u64) {
+pub(crate) fn push_varint(out: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
         out.push(value as u8 | 0x80);
         value >>= 7;
@@ -172,7 +172,7 @@ impl<'a> Cursor<'a> {
         Ok(self.take(1, field)?[0])
     }
 
-    fn take(&mut self, count: usize, field: &str) -> Result<&'a [u8], Defect> {
+    pub fn take(&mut self, count: usize, field: &str) -> Result<&'a [u8], Defect> {
         match self.bytes.split_at_checked(count) {
             Some((taken, rest)) => {
                 self.bytes = rest;
@@ -180,6 +180,11 @@ impl<'a> Cursor<'a> {
             }
             None => Err(self.defect(format!("{field} is cut short"))),
         }
+    }
+
+    /// A length that is no larger than memory.
+    pub fn length(&mut self, field: &str) -> Result<usize, Defect> {
+        Ok(usize::try_from(self.varint(field)?).unwrap_or(usize::MAX))
     }
 
     fn varint(&mut self, field: &str) -> Result<u64, Defect> {
@@ -239,7 +244,7 @@ impl ColumnDecoder {
             CONSTANT => plane.fill(cursor.byte(field)?),
             PLAIN => plane.copy_from_slice(cursor.take(plane.len(), field)?),
             ZSTD => {
-                let length = usize::try_from(cursor.varint(field)?).unwrap_or(usize::MAX);
+                let length = cursor.length(field)?;
                 let packed = cursor.take(length, field)?;
                 self.frame.clear();
                 self.frame.extend_from_slice(&ZSTD_MAGIC);
@@ -266,7 +271,7 @@ impl ColumnDecoder {
             let length = match cursor.byte(field)? {
                 CONSTANT => 1,
                 PLAIN => count,
-                ZSTD => usize::try_from(cursor.varint(field)?).unwrap_or(usize::MAX),
+                ZSTD => cursor.length(field)?,
                 method => {
                     return Err(
                         cursor.defect(format!("{field} is packed by unknown method {method}"))

@@ -171,6 +171,12 @@ pub enum Error {
         /// How many came.
         written: u64,
     },
+    /// The error allowed for positions is none.
+    #[error("the error allowed for positions {what}")]
+    PositionError {
+        /// Why.
+        what: &'static str,
+    },
     /// An option has a value outside its range.
     #[error("{name} is {value}, must be {min} to {max}")]
     Option {

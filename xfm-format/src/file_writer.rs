@@ -14,11 +14,15 @@ use crate::header::{
     Encoding, Header, HeaderProblem, Precision, Section, VERSION, standard_attributes,
 };
 use crate::page::Page;
+use crate::rounding::Rounding;
 use crate::sections::{IndexEntry, Tag, encode_base, encode_index, encode_roots};
 use crate::temporary::TemporaryFile;
 
 /// Pages that are encoded at once, in parallel.
 pub(crate) const BATCH_PAGES: usize = 64;
+
+/// Larger errors make no grid.
+const MAX_ERROR: f64 = 1e29;
 
 /// How to write a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +32,9 @@ pub struct WriteOptions {
     pub levels: u32,
     /// How the numbers of nodes are stored. Default [`Encoding::Exact`].
     pub encoding: Encoding,
+    /// How far positions may move where the encoding is [`Encoding::Compact`]. Default 2·10⁻⁴ of the diagonal of the bounding
+    /// box.
+    pub position_error: PositionError,
     /// Nodes per page at most, 64 to 65536; a page is what is read, unpacked and checked at once. Default 1024.
     pub page_nodes: usize,
     /// Where the origin of the positions lies in the frame of the input, in model units. Default zero.
@@ -36,11 +43,38 @@ pub struct WriteOptions {
     pub precision: Precision,
 }
 
+/// A bound for the distance between a vertex and where it comes to lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PositionError {
+    /// A share of the diagonal of the bounding box. Whoever does not know the box beforehand cannot take it.
+    OfDiagonal(f64),
+    /// A distance in model units.
+    Units(f64),
+}
+
+impl Default for PositionError {
+    fn default() -> Self {
+        Self::OfDiagonal(2e-4)
+    }
+}
+
+impl PositionError {
+    /// The same bound in model units for what has this bounding box.
+    pub fn in_units(self, bounds: [Vec3; 2]) -> Self {
+        let Self::OfDiagonal(share) = self else { return self };
+        let [min, max] = bounds.map(Vec3::as_dvec3);
+        // What is all in one point has a grid, too.
+        let diagonal = min.distance(max);
+        Self::Units(if diagonal > 0.0 { share * diagonal } else { share })
+    }
+}
+
 impl Default for WriteOptions {
     fn default() -> Self {
         Self {
             levels: 4,
             encoding: Encoding::Exact,
+            position_error: PositionError::default(),
             page_nodes: 1024,
             origin: DVec3::ZERO,
             precision: Precision::Single,
@@ -62,7 +96,27 @@ impl WriteOptions {
                 return Err(Error::Option { name, value, min, max });
             }
         }
+        let (PositionError::OfDiagonal(error) | PositionError::Units(error)) = self.position_error;
+        if !(error > 0.0 && error < MAX_ERROR) {
+            return Err(Error::PositionError { what: "is not a number above zero" });
+        }
         Ok(())
+    }
+
+    /// What nodes are to be rounded to before they are written.
+    ///
+    /// # Errors
+    /// [`Error::Option`] and [`Error::PositionError`], the latter also where the error is given as a share of a bounding box;
+    /// see [`PositionError::in_units`].
+    pub fn rounding(&self) -> Result<Rounding, Error> {
+        self.check()?;
+        match (self.encoding, self.position_error) {
+            (Encoding::Exact, _) => Ok(Rounding::EXACT),
+            (Encoding::Compact, PositionError::Units(error)) => Ok(Rounding::with_error(error)),
+            (Encoding::Compact, PositionError::OfDiagonal(_)) => {
+                Err(Error::PositionError { what: "has to be in model units here" })
+            }
+        }
     }
 }
 
@@ -176,7 +230,8 @@ impl FileWriter {
     /// Begins a file with the coarsest mesh, whose roots are final ids.
     ///
     /// # Errors
-    /// [`Error::Option`]; [`Error::InvalidBase`]; [`Error::TooLarge`] when half-edges would have names of more than 32
+    /// [`Error::Option`] and [`Error::PositionError`]; [`Error::InvalidBase`], also when its vertices are not
+    /// [rounded](WriteOptions::rounding); [`Error::TooLarge`] when half-edges would have names of more than 32
     /// bits; [`Error::Io`] when the disk refuses.
     pub fn create(
         path: impl AsRef<Path>,
@@ -185,8 +240,7 @@ impl FileWriter {
         base: &BaseMesh,
     ) -> Result<Self, Error> {
         let path = path.as_ref();
-        options.check()?;
-        let mut header = new_header(options, totals, base);
+        let mut header = new_header(options, totals, base, options.rounding()?);
         header.check_names().map_err(|(half_edges, max)| Error::TooLarge {
             file: path.into(),
             half_edges,
@@ -424,7 +478,12 @@ impl Drop for PooledEncoder<'_> {
     }
 }
 
-fn new_header(options: &WriteOptions, totals: &Totals, base: &BaseMesh) -> Header {
+fn new_header(
+    options: &WriteOptions,
+    totals: &Totals,
+    base: &BaseMesh,
+    rounding: Rounding,
+) -> Header {
     Header {
         version: VERSION,
         features: 0,
@@ -442,6 +501,7 @@ fn new_header(options: &WriteOptions, totals: &Totals, base: &BaseMesh) -> Heade
         bounds: totals.bounds.map(|corner| corner + Vec3::ZERO),
         origin: options.origin,
         precision: options.precision,
+        rounding,
         attributes: standard_attributes(),
         base: Section::default(),
         root_list: Section::default(),
@@ -454,6 +514,10 @@ fn new_header(options: &WriteOptions, totals: &Totals, base: &BaseMesh) -> Heade
 fn check_base(base: &BaseMesh, header: &Header) -> Result<(), String> {
     if let Some(vertex) = base.vertices.iter().position(|v| !v.position.is_finite()) {
         return Err(format!("the position of vertex {vertex} is not finite"));
+    }
+    let moved = |v: &mergetree::BaseVertex| !header.rounding.is_rounded(v.position, v.normal);
+    if let Some(vertex) = base.vertices.iter().position(moved) {
+        return Err(format!("vertex {vertex} is not where the grid is, or beyond it"));
     }
     let outside = |face: &[u32; 3]| face.iter().any(|&v| v as usize >= base.vertices.len());
     if let Some(face) = base.faces.iter().position(outside) {

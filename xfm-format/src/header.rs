@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 
 use crate::error::{Defect, Place};
 use crate::numbering::Numbering;
+use crate::rounding::Rounding;
 
 /// First bytes of every file: a name, a byte above 127 and line ends, so that a transfer as text shows.
 pub(crate) const MAGIC: [u8; 8] = *b"XFM\x8f\r\n\x1a\n";
@@ -15,6 +16,8 @@ pub(crate) const MUST_KNOW: u64 = 0xffff_ffff;
 pub(crate) const FIXED_LEN: usize = 256;
 /// Length of one entry of the attribute table.
 pub(crate) const ATTRIBUTE_LEN: usize = 32;
+/// Length of what the encoding `compact` adds after the attribute table.
+pub(crate) const COMPACT_LEN: usize = 32;
 /// More attributes than this are not believed.
 pub(crate) const MAX_ATTRIBUTES: usize = 256;
 /// Length of an entry of the page index.
@@ -29,23 +32,32 @@ pub enum Encoding {
     /// Positions bit for bit, normals as 32 bits; radius, cone and deviation rounded up by less than 0.4 percent.
     #[default]
     Exact,
+    /// Positions on a grid, normals and bounds with fewer bits, and all of it predicted; see
+    /// [`WriteOptions::position_error`](crate::WriteOptions::position_error).
+    Compact,
 }
 
 impl Encoding {
     pub(crate) fn code(self) -> u8 {
         match self {
             Self::Exact => 0,
+            Self::Compact => 1,
         }
     }
 
     pub(crate) fn from_code(code: u8) -> Option<Self> {
-        (code == 0).then_some(Self::Exact)
+        match code {
+            0 => Some(Self::Exact),
+            1 => Some(Self::Compact),
+            _ => None,
+        }
     }
 
     /// The name users know it by.
     pub fn name(self) -> &'static str {
         match self {
             Self::Exact => "exact",
+            Self::Compact => "compact",
         }
     }
 }
@@ -199,6 +211,8 @@ pub struct Header {
     pub origin: DVec3,
     /// Precision of the coordinates of the input.
     pub precision: Precision,
+    /// What positions and normals were rounded to.
+    pub rounding: Rounding,
     /// What every node has, in the order in which it is stored.
     pub attributes: Vec<Attribute>,
     pub(crate) base: Section,
@@ -261,7 +275,7 @@ impl Header {
 
     /// Length of the header in the file.
     pub(crate) fn encoded_len(&self) -> usize {
-        FIXED_LEN + ATTRIBUTE_LEN * self.attributes.len() + 4
+        encoded_len(self.encoding, self.attributes.len())
     }
 
     pub(crate) fn encode(&self) -> Vec<u8> {
@@ -299,6 +313,12 @@ impl Header {
             out.resize(at + 28, 0);
             out.extend([attribute.kind.code(), attribute.components, 0, 0]);
         }
+        if self.encoding == Encoding::Compact {
+            let at = out.len();
+            out.extend(self.rounding.step().to_le_bytes());
+            out.extend(self.rounding.error().to_le_bytes());
+            out.resize(at + COMPACT_LEN, 0);
+        }
         out.extend(crc32fast::hash(&out).to_le_bytes());
         out
     }
@@ -331,7 +351,7 @@ impl Header {
             return Err(HeaderProblem::Version(version));
         }
         let len = fields.u32()? as usize;
-        let max_len = FIXED_LEN + ATTRIBUTE_LEN * MAX_ATTRIBUTES + 4;
+        let max_len = encoded_len(Encoding::Compact, MAX_ATTRIBUTES);
         if !(FIXED_LEN + 4..=max_len).contains(&len) {
             return Err(defect(format!("a length of {len} bytes")).into());
         }
@@ -378,11 +398,15 @@ impl Header {
         let precision = Precision::from_code(precision)
             .ok_or_else(|| defect(format!("a precision of number {precision}")))?;
         fields.zeros(FIXED_LEN - fields.at)?;
-        if len != FIXED_LEN + ATTRIBUTE_LEN * num_attributes + 4 {
+        if len != encoded_len(encoding, num_attributes) {
             return Err(defect(format!("{num_attributes} attributes in {len} bytes")).into());
         }
         let attributes =
             (0..num_attributes).map(|_| fields.attribute()).collect::<Result<Vec<_>, Defect>>()?;
+        let rounding = match encoding {
+            Encoding::Exact => Rounding::EXACT,
+            Encoding::Compact => fields.rounding()?,
+        };
         let header = Self {
             version,
             features,
@@ -399,6 +423,7 @@ impl Header {
             bounds,
             origin,
             precision,
+            rounding,
             attributes,
             base,
             root_list,
@@ -509,6 +534,15 @@ pub(crate) fn check_expansion(memory: u64, length: u64, place: Place) -> Result<
     Ok(())
 }
 
+/// Length of a header with its checksum.
+pub(crate) const fn encoded_len(encoding: Encoding, attributes: usize) -> usize {
+    let compact = match encoding {
+        Encoding::Exact => 0,
+        Encoding::Compact => COMPACT_LEN,
+    };
+    FIXED_LEN + ATTRIBUTE_LEN * attributes + compact + 4
+}
+
 fn defect(message: impl Into<String>) -> Defect {
     Defect::new(Place::Header, message)
 }
@@ -542,6 +576,14 @@ impl Fields<'_> {
             }
         }
         Ok(())
+    }
+
+    fn rounding(&mut self) -> Result<Rounding, HeaderProblem> {
+        let [step, error] = [f64::from_le_bytes(self.array()?), f64::from_le_bytes(self.array()?)];
+        let rounding = Rounding::from_file(step, error)
+            .ok_or_else(|| defect(format!("a grid of {step} with an error of {error}")))?;
+        self.zeros(COMPACT_LEN - 16)?;
+        Ok(rounding)
     }
 
     fn attribute(&mut self) -> Result<Attribute, Defect> {

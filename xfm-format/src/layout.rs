@@ -1,8 +1,9 @@
 //! Which block and page every node of a forest goes to, and the ids that follow.
 
-use mergetree::{BoundCodes, Cut, CutRule, Forest, Node, NodeId, OpenPiece};
+use mergetree::{BoundCodes, Bounded, Cut, CutRule, Forest, Node, NodeId, OpenPiece};
 
 use crate::numbering::{BlockId, Numbering};
+use crate::rounding::Rounding;
 
 /// Where every node of a forest goes.
 ///
@@ -40,9 +41,14 @@ impl Layout {
     ///
     /// # Complexity
     /// Time and memory linear in the number of nodes: 35 bytes per node while it works, 14 of them in the result.
-    pub fn new(forest: &Forest, numbering: Numbering, page_nodes: u32) -> Result<Self, NotAForest> {
+    pub fn new(
+        forest: &Forest,
+        numbering: Numbering,
+        page_nodes: u32,
+        rounding: Rounding,
+    ) -> Result<Self, NotAForest> {
         let by_order = check(forest)?;
-        let codes = bound_codes(forest, &by_order)?;
+        let codes = bound_codes(forest, &by_order, rounding)?;
         let rule = CutRule { block_nodes: numbering.slots(), page_nodes };
         let pieces = Pieces::new(forest, &by_order, rule);
         let mut walk = Walk {
@@ -249,17 +255,32 @@ fn check(forest: &Forest) -> Result<Vec<NodeId>, NotAForest> {
 }
 
 /// Bounds of all nodes of the forest, from the leaves up.
-fn bound_codes(forest: &Forest, by_order: &[NodeId]) -> Result<Vec<BoundCodes>, NotAForest> {
+fn bound_codes(
+    forest: &Forest,
+    by_order: &[NodeId],
+    rounding: Rounding,
+) -> Result<Vec<BoundCodes>, NotAForest> {
     let mut codes = vec![BoundCodes::default(); forest.nodes.len()];
     for &id in by_order {
-        let node = &forest.nodes[id.index()];
+        let mut node = forest.nodes[id.index()];
         let fail = |message| NotAForest { node: id.index(), message };
         if !node.position.is_finite() {
             return Err(fail("a position that is not finite"));
         }
-        let children =
-            node.children().map(|child| codes[child.index()].of(&forest.nodes[child.index()]));
-        codes[id.index()] = BoundCodes::enclosing(node, children)
+        let bounded = |child: NodeId| {
+            let child_node = &forest.nodes[child.index()];
+            Some(Bounded {
+                position: rounding.position(child_node.position)?,
+                normal: rounding.normal(child_node.normal),
+                codes: codes[child.index()],
+            })
+        };
+        let children = node.children().filter_map(bounded);
+        if rounding.position(node.position).is_none() {
+            return Err(fail("a position too far from zero for the error allowed"));
+        }
+        codes[id.index()] = rounding
+            .round(&mut node, children)
             .ok_or_else(|| fail("a radius, cone or deviation that is not finite"))?;
     }
     Ok(codes)

@@ -8,7 +8,7 @@ use mergetree::{BaseMesh, Forest, HalfEdgeName, Node, NodeId};
 use crate::codec::{FieldBytes, PageContext, PageDecoder};
 use crate::error::{Error, Place};
 use crate::header::{
-    ATTRIBUTE_LEN, FIXED_LEN, Header, HeaderProblem, MAX_ATTRIBUTES, Section, VERSION,
+    Encoding, Header, HeaderProblem, MAX_ATTRIBUTES, Section, VERSION, encoded_len,
 };
 use crate::numbering::{BlockId, Numbering};
 use crate::page::Page;
@@ -76,7 +76,7 @@ impl XfmFile {
             source,
         })?;
         let source = Source { path: &path, storage: &*storage };
-        let max_len = (FIXED_LEN + ATTRIBUTE_LEN * MAX_ATTRIBUTES + 4) as u64;
+        let max_len = encoded_len(Encoding::Compact, MAX_ATTRIBUTES) as u64;
         let mut bytes = Vec::new();
         source.read(0, file_len.min(max_len), Place::Header, &mut bytes)?;
         let header = Header::decode(&bytes, file_len)

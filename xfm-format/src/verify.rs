@@ -8,6 +8,7 @@ use mergetree::{HalfEdgeName, Node, NodeId};
 
 use crate::bounds::{cone_holds, enclosing_angle, enclosing_radius};
 use crate::error::{Error, Place};
+use crate::header::Encoding;
 use crate::numbering::{BlockId, Numbering};
 use crate::page::{Block, Page};
 use crate::reader::XfmFile;
@@ -68,7 +69,7 @@ pub struct Progress {
 /// not the header's. What hangs below a page that cannot be read is not held against it.
 ///
 /// # Complexity
-/// Reads every page twice. Memory: 4 bytes per node, 8 per block, and one node per block that hangs under another one
+/// Reads every page twice. Memory: 8 bytes per node, 8 per block, and one node per block that hangs under another one
 /// and is yet to come.
 pub fn verify(file: &XfmFile, mut on_progress: impl FnMut(Progress)) -> Report {
     let mut verifier = Verifier::new(file);
@@ -135,8 +136,9 @@ struct Verifier<'a> {
     numbering: Numbering,
     report: Report,
     blocks: Vec<KnownBlock>,
-    /// Order of every node; the highest bit says whether it has a second face.
-    orders: Vec<u32>,
+    /// Order of every node; the bit above says whether it has a second face.
+    orders: Vec<u64>,
+    /// Empty where several nodes may have the same order.
     order_seen: Vec<u64>,
     expected: BTreeMap<BlockId, Expected>,
     roots: BTreeSet<NodeId>,
@@ -148,18 +150,22 @@ struct Verifier<'a> {
     bounds: Option<[Vec3; 2]>,
 }
 
-const SECOND_FACE: u32 = 1 << 31;
+const SECOND_FACE: u64 = 1 << 32;
 
 impl<'a> Verifier<'a> {
     fn new(file: &'a XfmFile) -> Self {
         let header = file.header();
+        let seen = match header.encoding {
+            Encoding::Exact => header.nodes.div_ceil(64) as usize,
+            Encoding::Compact => 0,
+        };
         Self {
             file,
             numbering: file.numbering(),
             report: Report::default(),
             blocks: Vec::with_capacity(file.num_blocks()),
             orders: Vec::with_capacity(header.nodes as usize),
-            order_seen: vec![0; header.nodes.div_ceil(64) as usize],
+            order_seen: vec![0; seen],
             expected: BTreeMap::new(),
             roots: file.base().roots().collect(),
             unreadable_pages: 0,
@@ -262,12 +268,14 @@ impl<'a> Verifier<'a> {
         self.triangles += node.num_faces() as u64;
         self.include(node.position);
         let second_face = if node.has_second_face() { SECOND_FACE } else { 0 };
-        self.orders.push(node.order | second_face);
-        let word = &mut self.order_seen[node.order as usize / 64];
-        if *word >> (node.order % 64) & 1 == 1 {
-            self.report.add(place, format!("has order {}, as another node", node.order));
+        self.orders.push(u64::from(node.order) | second_face);
+        // Ranks stand for orders otherwise.
+        if let Some(word) = self.order_seen.get_mut(node.order as usize / 64) {
+            if *word >> (node.order % 64) & 1 == 1 {
+                self.report.add(place, format!("has order {}, as another node", node.order));
+            }
+            *word |= 1 << (node.order % 64);
         }
-        *word |= 1 << (node.order % 64);
         if !node.has_second_face() && node.adjacent[3].is_some() {
             self.report.add(place, "has a half-edge z and no y");
         }
@@ -376,7 +384,7 @@ impl<'a> Verifier<'a> {
                 "names a half-edge of the second face of node {target}, which has one"
             ));
         }
-        if stored & !SECOND_FACE <= order {
+        if stored & !SECOND_FACE <= u64::from(order) {
             return Err(format!("names a half-edge of node {target}, which was collapsed before"));
         }
         Ok(())

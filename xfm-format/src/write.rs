@@ -4,19 +4,23 @@ use std::path::Path;
 
 use glam::Vec3;
 use halfedge::HalfEdgeId;
-use mergetree::{BaseMesh, Forest, HalfEdgeName, HalfEdgeNames, Node, NodeId};
+use mergetree::{Forest, HalfEdgeName, HalfEdgeNames, Node, NodeId, RankError};
 use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::file_writer::{BATCH_PAGES, FileWriter, Totals, WriteOptions, WriteReport};
+use crate::header::Encoding;
 use crate::layout::{Layout, NotAForest, PageSpan};
 use crate::numbering::{BlockId, Numbering};
 use crate::page::Page;
+use crate::rounding::Rounding;
 
 /// Writes a forest to `path`, by way of a [`FileWriter`].
 ///
 /// Nodes get new ids, see [`Numbering`]: trees are cut into blocks and pages by [`mergetree::CutRule`]. Radius, cone and
-/// deviation are rounded up, and raised where they do not enclose those of the children. The bytes of the file depend on
+/// deviation are rounded up, and raised where they do not enclose those of the children. Where the encoding is
+/// [`Encoding::Compact`], positions and normals are [rounded](crate::Rounding) first, and orders become
+/// [ranks](mergetree::ranks()). The bytes of the file depend on
 /// nothing but `forest` and `options`.
 ///
 /// # Complexity
@@ -32,16 +36,41 @@ pub fn write(
 ) -> Result<WriteReport, Error> {
     let path = path.as_ref();
     options.check()?;
+    let options = &WriteOptions {
+        position_error: options.position_error.in_units(bounds(forest)),
+        ..options.clone()
+    };
+    let rounding = options.rounding()?;
     let numbering = Numbering::new(options.levels);
     let invalid =
         |NotAForest { node, message }| Error::InvalidForest { file: path.into(), node, message };
-    let layout = Layout::new(forest, numbering, options.page_nodes as u32).map_err(invalid)?;
+    let layout =
+        Layout::new(forest, numbering, options.page_nodes as u32, rounding).map_err(invalid)?;
     let mut base = forest.base.clone();
+    for (number, vertex) in base.vertices.iter_mut().enumerate() {
+        // What is not finite is refused later.
+        if vertex.position.is_finite() {
+            vertex.position = rounding.position(vertex.position).ok_or_else(|| {
+                let message = format!("vertex {number} is too far from zero for the error allowed");
+                Error::InvalidBase { file: path.into(), message }
+            })?;
+        }
+        vertex.normal = rounding.normal(vertex.normal);
+    }
+    let ranks = match options.encoding {
+        Encoding::Exact => None,
+        Encoding::Compact => Some(mergetree::ranks(forest).map_err(|error| match error {
+            RankError::Misfit(id) => {
+                invalid(NotAForest { node: id.index(), message: "does not fit the mesh around it" })
+            }
+            other => Error::InvalidBase { file: path.into(), message: other.to_string() },
+        })?),
+    };
     for root in base.vertices.iter_mut().filter_map(|vertex| vertex.root.as_mut()) {
         *root = layout.new_id[root.index()];
     }
-    let mut writer = FileWriter::create(path, options, &totals(forest, &base, &layout), &base)?;
-    let renamer = Renamer { forest, layout: &layout, names: base.names() };
+    let mut writer = FileWriter::create(path, options, &totals(forest, &layout, rounding), &base)?;
+    let renamer = Renamer { forest, layout: &layout, names: base.names(), rounding, ranks };
     for batch in layout.pages.chunks(BATCH_PAGES) {
         let pages: Result<Vec<Page>, NotAForest> =
             batch.par_iter().map(|span| renamer.page(span)).collect();
@@ -50,20 +79,26 @@ pub fn write(
     writer.finish()
 }
 
-fn totals(forest: &Forest, base: &BaseMesh, layout: &Layout) -> Totals {
-    let of_base = base.vertices.iter().map(|vertex| vertex.position);
-    let positions = of_base.chain(forest.nodes.iter().map(|node| node.position));
-    let bounds = positions.fold(None, |bounds: Option<[Vec3; 2]>, p| {
-        Some(bounds.map_or([p; 2], |[min, max]| [min.min(p), max.max(p)]))
-    });
+fn totals(forest: &Forest, layout: &Layout, rounding: Rounding) -> Totals {
+    // Rounding keeps what is least and largest.
+    let bounds = bounds(forest).map(|corner| rounding.position(corner).unwrap_or(corner));
     Totals {
         nodes: forest.nodes.len() as u64,
         blocks: layout.starts.len() as u64 - 1,
         pages: layout.pages.len() as u64,
         input_triangles: forest.num_input_faces() as u64,
         tree_depth: forest.depth() as u64,
-        bounds: bounds.unwrap_or_default(),
+        bounds,
     }
+}
+
+fn bounds(forest: &Forest) -> [Vec3; 2] {
+    let of_base = forest.base.vertices.iter().map(|vertex| vertex.position);
+    let positions = of_base.chain(forest.nodes.iter().map(|node| node.position));
+    let bounds = positions.fold(None, |bounds: Option<[Vec3; 2]>, p| {
+        Some(bounds.map_or([p; 2], |[min, max]| [min.min(p), max.max(p)]))
+    });
+    bounds.unwrap_or_default()
 }
 
 /// Takes nodes out of a forest into the file's numbering.
@@ -71,6 +106,9 @@ struct Renamer<'a> {
     forest: &'a Forest,
     layout: &'a Layout,
     names: HalfEdgeNames,
+    rounding: Rounding,
+    /// What stands for orders, where they are not written themselves.
+    ranks: Option<Vec<u32>>,
 }
 
 impl Renamer<'_> {
@@ -102,6 +140,12 @@ impl Renamer<'_> {
             let message = "an adjacent half-edge that is not there";
             *half_edge =
                 self.half_edge(*half_edge).ok_or(NotAForest { node: id.index(), message })?;
+        }
+        // The layout has seen that there is one.
+        renamed.position = self.rounding.position(node.position).unwrap_or(node.position);
+        renamed.normal = self.rounding.normal(node.normal);
+        if let Some(ranks) = &self.ranks {
+            renamed.order = ranks[id.index()];
         }
         self.layout.codes[id.index()].store(&mut renamed);
         Ok(renamed)

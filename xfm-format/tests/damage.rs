@@ -7,14 +7,21 @@ use std::io;
 use common::{Random, collapse, sheet, torus};
 use mergetree::Forest;
 use proptest::prelude::*;
-use xfm_format::{Error, Place, Storage, WriteOptions, XfmFile, verify, write};
+use xfm_format::{Encoding, Error, Place, Storage, WriteOptions, XfmFile, verify, write};
+
+const ENCODINGS: [Encoding; 2] = [Encoding::Exact, Encoding::Compact];
 
 fn bytes_of(forest: &Forest, levels: u32) -> Vec<u8> {
+    encoded(forest, levels, Encoding::Exact)
+}
+
+fn encoded(forest: &Forest, levels: u32, encoding: Encoding) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.xfm");
     let mut options = WriteOptions::default();
     options.levels = levels;
     options.page_nodes = 64;
+    options.encoding = encoding;
     write(forest, &path, &options).unwrap();
     std::fs::read(path).unwrap()
 }
@@ -73,11 +80,13 @@ fn forge_header(bytes: &mut [u8], header_len: usize) {
 
 #[test]
 fn every_truncation_is_found() {
-    let bytes = bytes_of(&collapse(&sheet(8), 400, 1), 3);
-    for end in 0..bytes.len() {
-        let error = open(&bytes[..end]).unwrap_err();
-        assert!(matches!(error, Error::Truncated { .. }), "{end}: {error}");
-        assert!(error.to_string().starts_with("x.xfm: "));
+    for encoding in ENCODINGS {
+        let bytes = encoded(&collapse(&sheet(8), 400, 1), 3, encoding);
+        for end in 0..bytes.len() {
+            let error = open(&bytes[..end]).unwrap_err();
+            assert!(matches!(error, Error::Truncated { .. }), "{end}: {error}");
+            assert!(error.to_string().starts_with("x.xfm: "));
+        }
     }
 }
 
@@ -91,8 +100,12 @@ fn a_byte_too_many_is_found() {
 
 #[test]
 fn every_flipped_bit_is_found() {
+    ENCODINGS.into_iter().for_each(flip_every_bit);
+}
+
+fn flip_every_bit(encoding: Encoding) {
     let forest = collapse(&sheet(7), 300, 5);
-    let bytes = bytes_of(&forest, 2);
+    let bytes = encoded(&forest, 2, encoding);
     assert!(bytes.len() < 6000, "{} bytes would take long", bytes.len());
     assert!(verify(&open(&bytes).unwrap(), |_| {}).is_ok());
     let index = section(&bytes, INDEX);
@@ -216,8 +229,35 @@ fn fields_of_the_header_are_refused_by_name() {
 }
 
 #[test]
+fn a_grid_that_cannot_be_is_refused() {
+    let valid = encoded(&collapse(&sheet(6), 200, 2), 4, Encoding::Compact);
+    let header_len = u32_at(&valid, 12) as usize;
+    let grid = header_len - 4 - 32;
+    let numbers = [0.0, -1.0, f64::NAN, f64::INFINITY, 1e38];
+    let changes = numbers.iter().flat_map(|&number| [(grid, number), (grid + 8, number)]);
+    for (at, number) in changes {
+        let mut bytes = valid.clone();
+        bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
+        forge_header(&mut bytes, header_len);
+        let error = open(&bytes).unwrap_err();
+        assert!(error.to_string().contains("a grid of"), "{error}");
+    }
+    for at in grid + 16..header_len - 4 {
+        let mut bytes = valid.clone();
+        bytes[at] = 1;
+        forge_header(&mut bytes, header_len);
+        assert!(open(&bytes).unwrap_err().to_string().contains("reserved"));
+    }
+    // The other encoding has no such field.
+    let mut bytes = valid.clone();
+    bytes[24] = 0;
+    forge_header(&mut bytes, header_len);
+    assert!(open(&bytes).unwrap_err().to_string().contains("attributes in"));
+}
+
+#[test]
 fn every_byte_of_the_header_is_under_its_checksum() {
-    let bytes = bytes_of(&collapse(&sheet(6), 200, 2), 4);
+    let bytes = encoded(&collapse(&sheet(6), 200, 2), 4, Encoding::Compact);
     for at in 16..u32_at(&bytes, 12) as usize {
         let mut changed = bytes.clone();
         changed[at] ^= 0x20;
@@ -228,21 +268,27 @@ fn every_byte_of_the_header_is_under_its_checksum() {
 
 #[test]
 fn hostile_counts_do_not_allocate() {
-    let valid = bytes_of(&collapse(&sheet(6), 200, 2), 4);
-    for field in (32..96).step_by(8) {
-        for value in [1 << 20, 1 << 33, 1 << 40, u64::MAX / 2, u64::MAX] {
-            let mut bytes = valid.clone();
-            bytes[field..field + 8].copy_from_slice(&value.to_le_bytes());
-            forge(&mut bytes);
-            assert!(open(&bytes).is_err(), "field {field} of {value}");
+    for encoding in ENCODINGS {
+        let valid = encoded(&collapse(&sheet(6), 200, 2), 4, encoding);
+        for field in (32..96).step_by(8) {
+            for value in [1 << 20, 1 << 33, 1 << 40, u64::MAX / 2, u64::MAX] {
+                let mut bytes = valid.clone();
+                bytes[field..field + 8].copy_from_slice(&value.to_le_bytes());
+                forge(&mut bytes);
+                assert!(open(&bytes).is_err(), "field {field} of {value}");
+            }
         }
     }
 }
 
 #[test]
 fn attributes_and_features_of_later_writers_are_read_over() {
+    ENCODINGS.into_iter().for_each(add_an_attribute);
+}
+
+fn add_an_attribute(encoding: Encoding) {
     let forest = collapse(&sheet(6), 200, 2);
-    let valid = bytes_of(&forest, 4);
+    let valid = encoded(&forest, 4, encoding);
     let mut bytes = valid.clone();
     bytes[16 + 4] = 1;
     let header_len = u32_at(&bytes, 12) as usize;
@@ -252,10 +298,11 @@ fn attributes_and_features_of_later_writers_are_read_over() {
     // One more attribute of one component: a column at the end of every page, here of width 0.
     let pages = section(&valid, PAGES);
     let index = section(&valid, INDEX);
-    let mut bytes = valid[..header_len - 4].to_vec();
+    // The table ends before what the encoding adds to the header.
+    let table_end = 256 + 5 * 32;
+    let mut bytes = valid[..table_end].to_vec();
     bytes.extend(b"colour\0\0\0\0\0\0\0\0\0\0sRGB\0\0\0\0\0\0\0\0\x37\x01\0\0");
-    bytes.extend([0; 4]);
-    bytes.extend(&valid[header_len..pages.start]);
+    bytes.extend(&valid[table_end..pages.start]);
     let mut entries = Vec::new();
     for entry in index.step_by(32) {
         let start = u64_at(&valid, entry + 8) as usize;
@@ -294,7 +341,8 @@ proptest! {
 
     #[test]
     fn forged_files_never_panic(seed in any::<u64>(), changes in 1usize..6, levels in 1u32..=5) {
-        let mut bytes = bytes_of(&collapse(&torus(9), 500, seed % 4), levels);
+        let encoding = ENCODINGS[(seed % 2) as usize];
+        let mut bytes = encoded(&collapse(&torus(9), 500, seed / 2 % 4), levels, encoding);
         let mut random = Random(seed);
         let header_len = u32_at(&bytes, 12) as usize;
         for _ in 0..changes {

@@ -2,10 +2,14 @@
 
 mod common;
 
+use std::collections::BTreeMap;
+
 use common::{Soup, collapse, sheet, torus, unnumbered};
-use mergetree::Forest;
+use glam::Vec3;
+use halfedge::HalfEdgeId;
+use mergetree::{Forest, HalfEdgeName, NodeId, OctNormal};
 use proptest::prelude::*;
-use xfm_format::{BlockId, Error, WriteOptions, XfmFile, verify, write};
+use xfm_format::{BlockId, Encoding, Error, PositionError, WriteOptions, XfmFile, verify, write};
 
 fn options(levels: u32, page_nodes: usize) -> WriteOptions {
     let mut options = WriteOptions::default();
@@ -101,9 +105,138 @@ proptest! {
     }
 }
 
+/// Pairs of nodes of two forests that stand in the same place.
+fn pairs(a: &Forest, b: &Forest) -> Vec<(NodeId, NodeId)> {
+    let mut pairs = Vec::new();
+    let mut stack: Vec<_> = std::iter::zip(&a.base.vertices, &b.base.vertices)
+        .filter_map(|(a, b)| {
+            assert_eq!(a.root.is_some(), b.root.is_some());
+            a.root.zip(b.root)
+        })
+        .collect();
+    while let Some((of_a, of_b)) = stack.pop() {
+        pairs.push((of_a, of_b));
+        let [a, b] = [&a.nodes[of_a.index()], &b.nodes[of_b.index()]];
+        for (a, b) in [(a.left, b.left), (a.right, b.right)] {
+            assert_eq!(a.is_some(), b.is_some());
+            stack.extend(a.zip(b));
+        }
+    }
+    pairs
+}
+
+fn check_compact(forest: &Forest, options: &WriteOptions) -> Result<(), TestCaseError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("forest.xfm");
+    let report = write(forest, &path, options).unwrap();
+    let file = XfmFile::open(&path).unwrap();
+    let header = file.header();
+    prop_assert_eq!(header.encoding, Encoding::Compact);
+    prop_assert_eq!(header.nodes, forest.nodes.len() as u64);
+    prop_assert_eq!(report.file_bytes, std::fs::metadata(&path).unwrap().len());
+    prop_assert_eq!(report.bytes.total(), report.file_bytes);
+    prop_assert_eq!(file.field_bytes().unwrap(), report.bytes);
+    let verified = verify(&file, |_| {});
+    prop_assert!(verified.is_ok(), "{:?}", verified.errors);
+
+    let back = file.read_forest().unwrap();
+    let error = header.rounding.error();
+    let near = |a: Vec3, b: Vec3| f64::from(a.distance(b)) <= error;
+    let alike = |a: OctNormal, b: OctNormal| a.to_vec3().angle_between(b.to_vec3()) < 0.00873;
+    prop_assert_eq!(&back.base.faces, &forest.base.faces);
+    prop_assert_eq!(back.base.vertices.len(), forest.base.vertices.len());
+    for (a, b) in std::iter::zip(&forest.base.vertices, &back.base.vertices) {
+        prop_assert!(near(a.position, b.position) && alike(a.normal, b.normal));
+    }
+    let pairs = pairs(forest, &back);
+    prop_assert_eq!(pairs.len(), forest.nodes.len());
+    let twin: BTreeMap<_, _> = pairs.iter().copied().collect();
+    let ranks = mergetree::ranks(forest).unwrap();
+    for &(a, b) in &pairs {
+        let [was, is] = [&forest.nodes[a.index()], &back.nodes[b.index()]];
+        prop_assert_eq!(is.order, ranks[a.index()]);
+        prop_assert!(near(was.position, is.position));
+        prop_assert!(alike(was.normal, is.normal));
+        // Bounds hold what they held, with all that moved.
+        let moved = f64::from(was.position.distance(is.position));
+        prop_assert!(f64::from(is.radius) >= f64::from(was.radius) + moved);
+        prop_assert!(is.cone_sine >= was.cone_sine);
+        prop_assert!(f64::from(is.deviation) >= f64::from(was.deviation) + error);
+        prop_assert!(f64::from(is.deviation) <= 1.13 * (f64::from(was.deviation) + error));
+        for (was, is) in std::iter::zip(was.adjacent, is.adjacent) {
+            let name = |h: Option<HalfEdgeId>, f: &Forest| h.map(|h| f.base.names().resolve(h));
+            let expected = name(was, forest).map(|name| match name {
+                HalfEdgeName::Node(id, k) => HalfEdgeName::Node(twin[&id], k),
+                base => base,
+            });
+            prop_assert_eq!(name(is, &back), expected);
+        }
+    }
+    Ok(())
+}
+
+fn compact(levels: u32, page_nodes: usize, position_error: PositionError) -> WriteOptions {
+    let mut options = options(levels, page_nodes);
+    options.encoding = Encoding::Compact;
+    options.position_error = position_error;
+    options
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn a_compact_forest_comes_back_within_its_bounds(
+        open in any::<bool>(),
+        size in 3u32..24,
+        tries in 0usize..4000,
+        seed in any::<u64>(),
+        levels in 1u32..=5,
+        page_nodes in 64usize..300,
+        digits in 1i32..7,
+    ) {
+        let soup: Soup = if open { sheet(size) } else { torus(size) };
+        let error = PositionError::OfDiagonal(10f64.powi(-digits));
+        check_compact(&collapse(&soup, tries, seed), &compact(levels, page_nodes, error))?;
+    }
+}
+
+#[test]
+fn errors_for_positions_are_taken_as_they_are_or_refused() {
+    let forest = collapse(&torus(20), 2000, 3);
+    check_compact(&forest, &compact(4, 1024, PositionError::Units(0.01))).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.xfm");
+    for error in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        for error in [PositionError::Units(error), PositionError::OfDiagonal(error)] {
+            let error = write(&forest, &path, &compact(4, 1024, error)).unwrap_err();
+            assert!(matches!(error, Error::PositionError { .. }), "{error}");
+        }
+    }
+    // An f32 has no such grid.
+    let error = write(&forest, &path, &compact(4, 1024, PositionError::OfDiagonal(1e-9)));
+    assert!(error.unwrap_err().to_string().contains("too far from zero"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn the_same_forest_gives_the_same_compact_bytes() {
+    let forest = collapse(&torus(60), 100_000, 11);
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = |name: &str, threads: usize| {
+        let path = folder.path().join(name);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let options = compact(4, 1024, PositionError::default());
+        pool.install(|| write(&forest, &path, &options)).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    assert!(bytes("a", 1) == bytes("b", 3));
+}
+
 #[test]
 fn an_empty_forest_comes_back() {
     check(&Forest::default(), &WriteOptions::default()).unwrap();
+    check_compact(&Forest::default(), &compact(4, 1024, PositionError::default())).unwrap();
 }
 
 #[test]

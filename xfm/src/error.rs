@@ -93,9 +93,6 @@ pub enum Error {
         /// The triangles it was to hold.
         triangles: usize,
     },
-    /// The encoding is not there yet.
-    #[error("the encoding `compact` is not available yet; use `--encoding exact`")]
-    NoCompactEncoding,
     /// There is not even memory for the least buffer.
     #[error(
         "{}: building takes {} at least, {} are allowed; raise --memory",
@@ -108,6 +105,14 @@ pub enum Error {
         needed: u64,
         /// What is allowed, in bytes.
         memory: u64,
+    },
+    /// How large a share of a pipe's bounding box is cannot be known.
+    #[error(
+        "{name}: the bounding box of a pipe is not known beforehand; give --position-error in model units, like 0.05u, or build from a file"
+    )]
+    ShareOfPipe {
+        /// The input.
+        name: String,
     },
     /// The input needs more memory than it may have.
     #[error(

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use mesh_io::Format;
+use xfm_format::PositionError;
 
 /// Reads a size in bytes: `1GiB`, `512MiB`, `64M`, `1.5G`, `4096`.
 ///
@@ -40,6 +41,24 @@ pub fn size(text: &str) -> Result<u64, String> {
         return Err(format!("must be at least one byte; {EXAMPLE}"));
     }
     Ok(bytes as u64)
+}
+
+/// Reads an error allowed for positions: a share of the diagonal, or a distance in model units followed by `u`.
+///
+/// # Errors
+///
+/// What is wrong with the text, and an example of what would be right.
+pub fn position_error(text: &str) -> Result<PositionError, String> {
+    const EXAMPLE: &str =
+        "an error is a share of the diagonal like 1e-4, or a distance in model units like 0.05u";
+    let (number, of): (&str, fn(f64) -> PositionError) = match text.strip_suffix('u') {
+        Some(number) => (number, PositionError::Units),
+        None => (text, PositionError::OfDiagonal),
+    };
+    match number.parse() {
+        Ok(number) if number > 0.0 && number < 1e29 => Ok(of(number)),
+        _ => Err(EXAMPLE.to_owned()),
+    }
 }
 
 /// Reads a point, `X,Y,Z`.

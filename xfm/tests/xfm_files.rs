@@ -273,7 +273,11 @@ fn failures_name_the_file_and_the_remedy_on_one_line() {
         (&["build", &square, &nowhere], "folder.xfm", "create it first"),
         (&["build", &square, &folder_itself], &folder_itself, "name"),
         (&["build", &large, &out, "--in-core", "--memory", "1MiB"], "large.obj", "raise --memory"),
-        (&["build", &square, &out, "--encoding", "compact"], "compact", "exact"),
+        (
+            &["build", &square, &out, "--encoding", "compact", "--position-error", "1e-9"],
+            "too far",
+            "error",
+        ),
         (&["info", &square], "square.obj", "xfm build"),
         (&["verify", &missing], "missing.xfm", "open"),
         (&["extract", &missing, &out, "--full"], "missing.xfm", "open"),

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::geometry::{Surface, area_normal};
 use super::radix;
-use crate::{CollapseRecord, OctNormal};
+use crate::{CollapseRecord, OctNormal, RankAccount};
 
 /// How the in-core builder chooses collapses.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,6 +94,7 @@ struct Builder<'a> {
     /// The round in which a vertex was last near a collapse, and must not be removed.
     touched: Vec<u32>,
     round: u32,
+    ranks: RankAccount,
     records: Vec<CollapseRecord>,
 }
 
@@ -105,6 +106,7 @@ impl<'a> Builder<'a> {
             .map(|v| initial_quadric(&mesh, positions, VertexId::from_index(v)))
             .collect();
         Self {
+            ranks: RankAccount::default(),
             positions,
             normals,
             quadrics,
@@ -192,6 +194,7 @@ impl<'a> Builder<'a> {
         for r in self.mesh.one_ring(c.removed) {
             self.touched[r.index()] = self.round;
         }
+        let rank = self.ranks.next(&self.mesh, c);
         self.mesh.apply(c);
         let moved = self.quadrics[v].about(self.positions[u] - self.positions[v]);
         self.quadrics[u].merge(&moved);
@@ -205,7 +208,7 @@ impl<'a> Builder<'a> {
                     || self.mesh.end(best.half_edge) == c.kept
             });
         }
-        self.records.push(CollapseRecord::new(c, star));
+        self.records.push(CollapseRecord { rank: Some(rank), ..CollapseRecord::new(c, star) });
     }
 }
 

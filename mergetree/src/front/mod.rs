@@ -17,7 +17,7 @@ pub use update::{UpdateLimits, UpdateStats};
 pub use validate::FrontInvalid;
 
 use crate::{HalfEdgeName, HalfEdgeNames, Node, NodeId, NodeStore, SlotId};
-use mesh::ActiveMesh;
+pub(crate) use mesh::ActiveMesh;
 
 /// Which surroundings a split or collapse waits for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

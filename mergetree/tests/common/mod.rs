@@ -3,7 +3,9 @@
 
 use glam::{Vec3, vec3};
 use halfedge::{HalfEdgeMesh, VertexId};
-use mergetree::{CollapseRecord, Forest, OctNormal, Records, StarBounds, vertex_normals};
+use mergetree::{
+    CollapseRecord, Forest, OctNormal, RankAccount, Records, StarBounds, vertex_normals,
+};
 
 /// A mesh with positions.
 #[derive(Clone, Debug)]
@@ -119,6 +121,7 @@ pub fn random_records(shape: &Shape, picks: &[prop::sample::Index]) -> Records {
     use halfedge::HalfEdgeId;
     let mut mesh = shape.mesh();
     let mut records = Vec::new();
+    let mut ranks = RankAccount::default();
     let n = 3 * mesh.face_capacity();
     let mut perform = |mesh: &mut HalfEdgeMesh, h: HalfEdgeId| {
         if let Ok(c) = mesh.check_collapse(h) {
@@ -128,7 +131,8 @@ pub fn random_records(shape: &Shape, picks: &[prop::sample::Index]) -> Records {
                 .map(|r| shape.positions[r.index()].distance(v))
                 .fold(0.0, f32::max);
             let star = StarBounds { radius, cone_angle: 1.0, deviation: records.len() as f32 };
-            records.push(CollapseRecord::new(&c, star));
+            let rank = Some(ranks.next(mesh, &c));
+            records.push(CollapseRecord { rank, ..CollapseRecord::new(&c, star) });
             mesh.apply(&c);
         }
     };

@@ -84,6 +84,7 @@ pub(crate) fn record(window: &Window<'_>, v: u32, u: u32, deviation: f32) -> Col
         radius: radius.sqrt(),
         cone_cosine: cosine,
         deviation,
+        rank: identity(v).touched.max(identity(u).touched),
     }
 }
 

@@ -35,6 +35,9 @@ pub struct Collapsed {
     /// How far the surface around `u` is from the input after this at most: the sum of what each collapse moved it by,
     /// measured where it moves most.
     pub deviation: f32,
+    /// One more than the largest rank of the collapses that removed a neighbour of `v` or `u`, or 0: a smaller number than its
+    /// place among all collapses, and in their order wherever two of them met.
+    pub rank: u32,
 }
 
 /// What is left after all collapses.

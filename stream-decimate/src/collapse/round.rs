@@ -186,7 +186,13 @@ fn collapse(window: &mut Window<'_>, v: u32, threshold: f32, done: &mut Done) {
             return;
         }
     };
-    done.collapses.push(measure::record(window, v, u, deviation));
+    let record = measure::record(window, v, u, deviation);
+    for i in 0..window.stars.fans(v).len() {
+        let neighbour = window.stars.fans(v).at(i);
+        let touched = &mut window.identity_mut(neighbour).touched;
+        *touched = (*touched).max(record.rank + 1);
+    }
+    done.collapses.push(record);
     done.triangles += if window.state(v) == state::RING { 2 } else { 1 };
     done.pairs.push((v, u));
     let from = *window.vertex(v);

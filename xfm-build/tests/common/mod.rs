@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::{Vec3, vec3};
 use halfedge::{FaceId, HalfEdgeId, HalfEdgeMesh, VertexId};
 use mergetree::{
-    BuildOptions, CollapseRecord, Forest, OctNormal, Records, StarBounds,
+    BuildOptions, CollapseRecord, Forest, OctNormal, RankAccount, Records, StarBounds,
     collapse_in_independent_sets, vertex_normals,
 };
 use scratch::Scratch;
@@ -133,6 +133,7 @@ pub fn independent_sets(shape: &Shape, base_faces: usize) -> Records {
 pub fn sweep(shape: &Shape, window: usize, tries: usize, seed: u64) -> Records {
     let mut mesh = shape.mesh();
     let mut random = Random(seed);
+    let mut ranks = RankAccount::default();
     let mut records = Vec::new();
     for face in 0..mesh.face_capacity() {
         for _ in 0..tries {
@@ -145,7 +146,8 @@ pub fn sweep(shape: &Shape, window: usize, tries: usize, seed: u64) -> Records {
             let cone_angle = 0.01 * random.below(30) as f32;
             let deviation = 0.001 * random.below(1000) as f32;
             let star = StarBounds { radius, cone_angle, deviation };
-            records.push(CollapseRecord::new(&collapse, star));
+            let rank = Some(ranks.next(&mesh, &collapse));
+            records.push(CollapseRecord { rank, ..CollapseRecord::new(&collapse, star) });
             mesh.apply(&collapse);
         }
     }

@@ -4,8 +4,9 @@ use std::io;
 
 use mergetree::{BoundCodes, Node, NodeId};
 
+use super::compact::{Coder, Model, Part, Reader, Symbols, Tables};
 use super::shape::{Kind, Preorder, Shape, Side};
-use super::{FieldBytes, PageContext, Reference};
+use super::{FieldBytes, LINK_TABLES, PageContext, Reference, SHAPE_TABLES, shape_table};
 use crate::column::{
     ColumnDecoder, Cursor, float_from_difference, short_from_difference, unzigzag,
 };
@@ -27,6 +28,8 @@ pub(crate) struct PageDecoder {
     is_top: Vec<bool>,
     /// What the fields of the last page took.
     pub bytes: FieldBytes,
+    tables: Option<Tables>,
+    model: Model,
 }
 
 /// A child that begins another block.
@@ -48,6 +51,8 @@ impl PageDecoder {
             outside: Vec::new(),
             is_top: Vec::new(),
             bytes: FieldBytes::default(),
+            tables: None,
+            model: Model::default(),
         })
     }
 
@@ -74,6 +79,9 @@ impl PageDecoder {
         page.blocks.reserve_exact(entry.blocks as usize);
         page.nodes.reserve_exact(entry.nodes as usize);
         page.first_block = entry.first_block as u32;
+        if !context.rounding.is_exact() {
+            return self.compact(cursor, entry, context, page);
+        }
         self.shape(&mut cursor, entry, context, page)?;
         measure(&mut measured.shape, &cursor);
         self.links(&mut cursor, context, page)?;
@@ -111,6 +119,60 @@ impl PageDecoder {
         Ok(())
     }
 
+    fn compact(
+        &mut self,
+        mut cursor: Cursor<'_>,
+        entry: &IndexEntry,
+        context: &PageContext,
+        page: &mut Page,
+    ) -> Result<(), Defect> {
+        let length = cursor.remaining();
+        let tables = self.tables.take().unwrap_or_else(Tables::new);
+        let mut reader = Reader::new(&mut cursor, tables)?;
+        let coded = length - cursor.remaining();
+        for _ in 0..context.unknown_components {
+            ColumnDecoder::skip(&mut cursor, "unknown attribute", entry.nodes as usize)?;
+        }
+        let other = cursor.remaining();
+        let in_page = |message: &'static str| cursor.defect(message);
+
+        reader.tables(SHAPE_TABLES).map_err(in_page)?;
+        self.values.clear();
+        let mut symbols = reader.symbols();
+        let mut last = 0;
+        self.values.extend((0..entry.nodes).map(|_| {
+            last = symbols.symbol(shape_table(last), 0);
+            u64::from(last)
+        }));
+        symbols.end();
+        reader.mark();
+        self.place(&cursor, entry, context, page)?;
+        reader.tables(LINK_TABLES).map_err(in_page)?;
+        for table in 0..LINK_TABLES {
+            let count = self.count_links(table);
+            self.values.clear();
+            let mut symbols = reader.symbols();
+            self.values.extend((0..count).map(|_| symbols.value(table, 0)));
+            symbols.end();
+            self.links_of(table, context, page)?;
+        }
+        reader.mark();
+        let mut part = Part {
+            nodes: &mut page.nodes,
+            ids: &self.ids,
+            blocks: &page.blocks,
+            first_block: page.first_block,
+            references: &self.references,
+            context,
+        };
+        self.model.page(&mut reader, &mut part).map_err(in_page)?;
+        let (marks, tables) = reader.finish().map_err(in_page)?;
+        self.bytes = FieldBytes::from_marks(&marks, coded);
+        self.bytes.other = (length - coded - other) as u64;
+        self.tables = Some(tables);
+        cursor.finish()
+    }
+
     fn read(
         &mut self,
         cursor: &mut Cursor<'_>,
@@ -129,8 +191,19 @@ impl PageDecoder {
         context: &PageContext,
         page: &mut Page,
     ) -> Result<(), Defect> {
-        let numbering = context.numbering;
         self.read(cursor, "shape", entry.nodes as usize, 1)?;
+        self.place(cursor, entry, context, page)
+    }
+
+    /// Gives all nodes their places by their shapes.
+    fn place(
+        &mut self,
+        cursor: &Cursor<'_>,
+        entry: &IndexEntry,
+        context: &PageContext,
+        page: &mut Page,
+    ) -> Result<(), Defect> {
+        let numbering = context.numbering;
         page.nodes.resize(entry.nodes as usize, Node::BLANK);
         self.references.clear();
         self.ids.clear();
@@ -189,13 +262,42 @@ impl PageDecoder {
         context: &PageContext,
         page: &mut Page,
     ) -> Result<(), Defect> {
-        let numbering = context.numbering;
-        let first_block = page.first_block;
-        let num_blocks = page.blocks.len() as u32;
-        let inside = self.outside.iter().filter(|child| child.kind == Kind::Block).count();
-        let in_other_pages = self.outside.len() - inside;
+        const NAMES: [&str; LINK_TABLES] =
+            ["child in the page", "child in another page", "node above"];
+        for (which, name) in NAMES.into_iter().enumerate() {
+            self.read(cursor, name, self.count_links(which), 8)?;
+            self.links_of(which, context, page)?;
+        }
+        Ok(())
+    }
 
-        self.read(cursor, "child in the page", inside, 8)?;
+    /// How many links of a kind there are.
+    fn count_links(&self, which: usize) -> usize {
+        let children = |wanted| self.outside.iter().filter(|child| child.kind == wanted).count();
+        match which {
+            0 => children(Kind::Block),
+            1 => children(Kind::Page),
+            _ => self.is_top.iter().filter(|&&is_top| is_top).count(),
+        }
+    }
+
+    /// Takes in links of a kind: to children in the page, to children in other pages, to what is above tops.
+    fn links_of(
+        &mut self,
+        which: usize,
+        context: &PageContext,
+        page: &mut Page,
+    ) -> Result<(), Defect> {
+        match which {
+            0 => self.children_in_page(context, page),
+            1 => self.children_in_other_pages(context, page),
+            _ => self.above_tops(context, page),
+        }
+    }
+
+    fn children_in_page(&mut self, context: &PageContext, page: &mut Page) -> Result<(), Defect> {
+        let numbering = context.numbering;
+        let num_blocks = page.blocks.len() as u32;
         self.is_top.clear();
         self.is_top.resize(page.blocks.len(), true);
         let children = self.outside.iter().filter(|child| child.kind == Kind::Block);
@@ -205,7 +307,7 @@ impl PageDecoder {
                 let message = "names a child block that cannot be";
                 Defect::new(Place::Node(parent.get().into()), message)
             };
-            let block = u64::from(numbering.block(parent).get() - first_block)
+            let block = u64::from(numbering.block(parent).get() - page.first_block)
                 .checked_add(distance)
                 .and_then(|block| block.checked_add(1))
                 .filter(|&block| block < u64::from(num_blocks))
@@ -218,10 +320,16 @@ impl PageDecoder {
             page.nodes[first].parent = Some(parent);
             self.references[first] = Reference { node: child.node, is_parent: true };
         }
+        Ok(())
+    }
 
-        self.read(cursor, "child in another page", in_other_pages, 8)?;
+    fn children_in_other_pages(
+        &mut self,
+        context: &PageContext,
+        page: &mut Page,
+    ) -> Result<(), Defect> {
         let children = self.outside.iter().filter(|child| child.kind == Kind::Page);
-        let after = i64::from(first_block) + i64::from(num_blocks);
+        let after = i64::from(page.first_block) + page.blocks.len() as i64;
         let mut expected = after;
         for (child, &code) in children.zip(&self.values) {
             let block = expected
@@ -234,12 +342,14 @@ impl PageDecoder {
                 })?;
             expected = block + 1;
             *link(&mut page.nodes[child.node as usize], child.side) =
-                Some(numbering.node(BlockId::new(block as u32), 0));
+                Some(context.numbering.node(BlockId::new(block as u32), 0));
         }
+        Ok(())
+    }
 
-        let tops = self.is_top.iter().filter(|&&is_top| is_top).count();
-        self.read(cursor, "node above", tops, 8)?;
-        let first_id = u64::from(numbering.node(BlockId::new(first_block), 0).get());
+    fn above_tops(&mut self, context: &PageContext, page: &mut Page) -> Result<(), Defect> {
+        let numbering = context.numbering;
+        let first_id = u64::from(numbering.node(BlockId::new(page.first_block), 0).get());
         let tops = page.blocks.iter().zip(&self.is_top).filter(|&(_, &is_top)| is_top);
         let mut last_top = 0;
         for ((&first, _), &distance) in tops.zip(&self.values) {

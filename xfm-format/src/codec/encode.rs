@@ -4,8 +4,9 @@ use std::io;
 
 use mergetree::{BoundCodes, Node, NodeId};
 
+use super::compact::{Coder, Model, Part, Symbols, Writer};
 use super::shape::{Kind, Preorder, Shape, Side};
-use super::{FieldBytes, PageContext, Reference};
+use super::{FieldBytes, LINK_TABLES, PageContext, Reference, SHAPE_TABLES, shape_table};
 use crate::column::{ColumnEncoder, float_difference, short_difference, zigzag};
 use crate::header::MAX_EXPANSION;
 use crate::numbering::BlockId;
@@ -20,6 +21,15 @@ pub(crate) struct PageEncoder {
     references: Vec<Reference>,
     /// Per block whether it hangs under none of the page.
     is_top: Vec<bool>,
+    compact: Option<Box<Compact>>,
+}
+
+/// What encoding a page compactly takes.
+struct Compact {
+    writer: Writer,
+    model: Model,
+    page: Page,
+    ids: Vec<NodeId>,
 }
 
 /// Why a page cannot be written.
@@ -38,6 +48,7 @@ impl PageEncoder {
             preorder: Preorder::default(),
             references: Vec::new(),
             is_top: Vec::new(),
+            compact: None,
         })
     }
 
@@ -49,6 +60,9 @@ impl PageEncoder {
     ) -> Result<(Vec<u8>, FieldBytes), PageDefect> {
         self.arrange(page, context)?;
         check_numbers(page, context, &self.references)?;
+        if !context.rounding.is_exact() {
+            return self.compact(page, context);
+        }
         self.columns.plain = false;
         let encoded = self.encode_once(page, context);
         // A page that shrinks beyond belief would be refused by the reader.
@@ -57,6 +71,62 @@ impl PageEncoder {
         }
         self.columns.plain = true;
         Ok(self.encode_once(page, context))
+    }
+
+    fn compact(
+        &mut self,
+        page: &Page,
+        context: &PageContext,
+    ) -> Result<(Vec<u8>, FieldBytes), PageDefect> {
+        let mut compact = self.compact.take().unwrap_or_else(|| {
+            Box::new(Compact {
+                writer: Writer::new(),
+                model: Model::default(),
+                page: Page::new(),
+                ids: Vec::new(),
+            })
+        });
+        let Compact { writer, model, page: copy, ids } = &mut *compact;
+        writer.restart();
+        copy.clone_from(page);
+        ids.clear();
+        for block in page.blocks() {
+            let slots = 0..block.nodes.len() as u32;
+            ids.extend(slots.map(|slot| context.numbering.node(block.id, slot)));
+        }
+        let mut coded = writer.tables(SHAPE_TABLES);
+        let mut last = 0;
+        for shape in &self.shapes {
+            let code = shape.code() as u32;
+            writer.symbols().symbol(shape_table(last), code);
+            last = code;
+        }
+        writer.mark();
+        coded = coded.and_then(|()| writer.tables(LINK_TABLES));
+        for table in 0..LINK_TABLES {
+            self.links_of(table, page, context);
+            for &value in &self.values {
+                writer.symbols().value(table, value);
+            }
+        }
+        writer.mark();
+        let mut part = Part {
+            nodes: &mut copy.nodes,
+            ids,
+            blocks: &copy.blocks,
+            first_block: copy.first_block,
+            references: &self.references,
+            context,
+        };
+        coded = coded.and_then(|()| model.page(writer, &mut part));
+        let node = context.numbering.node(page.first_block(), 0);
+        coded.map_err(|message| PageDefect { node, message })?;
+        let least = (page.nodes.len() * size_of::<Node>()).div_ceil(MAX_EXPANSION as usize);
+        let mut out = Vec::new();
+        let marks = writer.finish(least, &mut out);
+        let bytes = FieldBytes::from_marks(&marks, out.len());
+        self.compact = Some(compact);
+        Ok((out, bytes))
     }
 
     fn encode_once(&mut self, page: &Page, context: &PageContext) -> (Vec<u8>, FieldBytes) {
@@ -187,6 +257,14 @@ impl PageEncoder {
     }
 
     fn links(&mut self, page: &Page, context: &PageContext, out: &mut Vec<u8>) {
+        for which in 0..LINK_TABLES {
+            self.links_of(which, page, context);
+            self.columns.column(out, &self.values);
+        }
+    }
+
+    /// The values of one kind of links: to children in the page, to children in other pages, to what is above tops.
+    fn links_of(&mut self, which: usize, page: &Page, context: &PageContext) {
         let numbering = context.numbering;
         let shapes = &self.shapes;
         let children = |wanted: Kind| {
@@ -202,23 +280,26 @@ impl PageEncoder {
             })
         };
         self.values.clear();
-        self.values.extend(
-            children(Kind::Block).map(|(block, child)| u64::from(child.get() - block.get() - 1)),
-        );
-        self.columns.column(out, &self.values);
-        self.values.clear();
-        let mut expected = i64::from(page.first_block) + page.blocks.len() as i64;
-        self.values.extend(children(Kind::Page).map(|(_, child)| {
-            let child = i64::from(child.get());
-            zigzag(child - std::mem::replace(&mut expected, child + 1))
-        }));
-        self.columns.column(out, &self.values);
-        let first_id = u64::from(numbering.node(page.first_block(), 0).get());
-        self.values.clear();
-        self.values.extend(page.blocks().zip(&self.is_top).filter(|&(_, &is_top)| is_top).map(
-            |(block, _)| block.parent().map_or(0, |parent| first_id - u64::from(parent.get())),
-        ));
-        self.columns.column(out, &self.values);
+        match which {
+            0 => self.values.extend(
+                children(Kind::Block)
+                    .map(|(block, child)| u64::from(child.get() - block.get() - 1)),
+            ),
+            1 => {
+                let mut expected = i64::from(page.first_block) + page.blocks.len() as i64;
+                self.values.extend(children(Kind::Page).map(|(_, child)| {
+                    let child = i64::from(child.get());
+                    zigzag(child - std::mem::replace(&mut expected, child + 1))
+                }));
+            }
+            _ => {
+                let first_id = u64::from(numbering.node(page.first_block(), 0).get());
+                let tops = page.blocks().zip(&self.is_top).filter(|&(_, &is_top)| is_top);
+                self.values.extend(tops.map(|(block, _)| {
+                    block.parent().map_or(0, |parent| first_id - u64::from(parent.get()))
+                }));
+            }
+        }
     }
 
     fn predicted<T: Copy>(
@@ -275,8 +356,10 @@ fn defect_at(node: NodeId) -> impl Fn(&'static str) -> PageDefect + Copy {
 fn order_above(page: &Page, context: &PageContext, reference: Reference) -> u64 {
     if reference.is_parent {
         page.nodes[reference.node as usize].order.into()
-    } else {
+    } else if context.rounding.is_exact() {
         context.num_nodes
+    } else {
+        u64::MAX
     }
 }
 
@@ -328,11 +411,18 @@ fn check_numbers(
         if !node.position.is_finite() {
             return Err(defect("a position that is not finite"));
         }
+        if !context.rounding.is_rounded(node.position, node.normal) {
+            return Err(defect("a position or normal that was not rounded"));
+        }
         let bounds = [node.radius, node.cone_sine, node.deviation];
         if bounds.iter().any(|&bound| BoundCodes::exact(bound).is_none()) || node.cone_sine > 1.0 {
             return Err(defect("a radius, cone or deviation that no code stands for"));
         }
-        if u64::from(node.order) >= order_above(page, context, *reference) {
+        if !context.rounding.has_bounds(node) {
+            return Err(defect("a radius, cone or deviation that was not rounded"));
+        }
+        if node.order == u32::MAX || u64::from(node.order) >= order_above(page, context, *reference)
+        {
             return Err(defect("an order that is not below its parent's and the number of nodes"));
         }
         for half_edge in node.adjacent.into_iter().flatten() {

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 use mesh_io::{Format, Frame};
-use xfm_format::{Precision, WriteOptions};
+use xfm_format::{Encoding, PositionError, Precision, WriteOptions};
 
 use crate::memory::AnonymousPeak;
 use crate::mesh_stream::{Input, scratch_beside, scratch_folder};
@@ -22,8 +22,8 @@ use report::{BuildReport, Built};
 
 /// Build a view-dependent .xfm file from a mesh
 ///
-/// The input is welded and repaired into a manifold first; what that took is reported. Positions are kept bit for bit, those far
-/// from zero about an origin near them, so that they keep their digits. The file appears whole or not at all, and is the same,
+/// The input is welded and repaired into a manifold first; what that took is reported. Positions are kept bit for bit unless --encoding
+/// compact is asked for, those far from zero about an origin near them, so that they keep their digits. The file appears whole or not at all, and is the same,
 /// byte for byte, for any number of threads.
 ///
 /// What fits --memory is built in core, anything else streaming, through scratch files.
@@ -36,6 +36,9 @@ Examples:
 
   From a pipe, with more memory allowed
     gunzip -c scan.stl.gz | xfm build - scan.xfm --memory 8GiB
+
+  A quarter of the size, vertices moved by no more than a ten-thousandth of the whole
+    xfm build dragon.ply dragon.xfm --encoding compact --position-error 1e-4
 
   Check that nothing was lost
     xfm build horse.obj horse.xfm && xfm verify horse.xfm --against horse.obj")]
@@ -55,6 +58,9 @@ pub struct BuildArgs {
     /// How numbers are stored
     #[arg(long, value_enum, default_value = "exact")]
     encoding: EncodingArg,
+    /// How far compact may move vertices: a share of the bounding box's diagonal, or in model units with a u, like 0.05u
+    #[arg(long, value_name = "SHARE", default_value = "2e-4", value_parser = values::position_error)]
+    position_error: PositionError,
     /// Format of the input where its name does not tell: stl, ply, obj, gltf, glb
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     from: Option<Format>,
@@ -83,7 +89,7 @@ pub struct BuildArgs {
 enum EncodingArg {
     /// Positions bit-identical to the input
     Exact,
-    /// Quantised (not available yet)
+    /// Rounded within --position-error, a quarter of the size
     Compact,
 }
 
@@ -94,9 +100,6 @@ enum EncodingArg {
 /// An input that cannot be read, has nothing in it, or is too large for the memory; an output that cannot be written.
 pub fn run(args: &BuildArgs) -> Result<(), Error> {
     let start = Instant::now();
-    if args.encoding == EncodingArg::Compact {
-        return Err(Error::NoCompactEncoding);
-    }
     check_output(&args.output)?;
     let input = Input::new(&args.input, args.from);
     if args.resume && !input.is_file() {
@@ -112,6 +115,17 @@ pub fn run(args: &BuildArgs) -> Result<(), Error> {
 }
 
 impl BuildArgs {
+    fn write_options(&self) -> WriteOptions {
+        let mut options = WriteOptions::default();
+        options.levels = self.levels;
+        options.encoding = match self.encoding {
+            EncodingArg::Exact => Encoding::Exact,
+            EncodingArg::Compact => Encoding::Compact,
+        };
+        options.position_error = self.position_error;
+        options
+    }
+
     fn plan(&self, input: &Input) -> Result<Plan, Error> {
         let forced = match (self.in_core, self.streaming || self.resume) {
             (true, _) => Some(Mode::InCore),
@@ -125,15 +139,14 @@ impl BuildArgs {
 }
 
 fn build(args: &BuildArgs, input: &Input, plan: &Plan) -> Result<Built, Error> {
-    let (path, output, levels) = (&args.input, &args.output, args.levels);
+    let (path, output, write) = (&args.input, &args.output, args.write_options());
     let (resume, threads) = (args.resume, args.threads);
-    mesh::build(&mesh::Request { input, path, output, levels, threads, resume }, plan)
+    mesh::build(&mesh::Request { input, path, output, write, threads, resume }, plan)
 }
 
 /// How a file of a mesh in this frame is written.
-fn write_options(levels: u32, frame: Frame) -> WriteOptions {
-    let mut options = WriteOptions::default();
-    options.levels = levels;
+fn in_frame(options: &WriteOptions, frame: Frame) -> WriteOptions {
+    let mut options = options.clone();
     options.origin = frame.origin;
     options.precision = if frame.double { Precision::Double } else { Precision::Single };
     options

@@ -51,6 +51,8 @@ struct InfoReport {
     /// Where the file's own origin lies in it.
     origin: [f64; 3],
     precision: &'static str,
+    /// How far vertices may have moved, in model units; 0 where they are exact.
+    position_error: f64,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -129,6 +131,18 @@ impl fmt::Display for InfoReport {
                 self.precision
             )?;
         }
+        if self.position_error > 0.0 {
+            let diagonal = std::iter::zip(self.bounds.min, self.bounds.max)
+                .map(|(min, max)| (max - min) * (max - min))
+                .sum::<f64>()
+                .sqrt();
+            writeln!(
+                f,
+                "positions  within {} of the input, {} of the diagonal",
+                text::number(self.position_error, 4),
+                text::number(self.position_error / diagonal, 4)
+            )?;
+        }
         for attribute in &self.attributes {
             let AttributeReport { name, unit, kind, components } = attribute;
             let unit = if unit.is_empty() { "no unit" } else { unit };
@@ -176,6 +190,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Error> {
             bounds: Bounds { min, max },
             origin: header.origin.to_array(),
             precision: header.precision.name(),
+            position_error: header.rounding.error(),
         })
     })?;
     ReportTo::new(args.json).deliver(&report)

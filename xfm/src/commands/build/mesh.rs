@@ -5,10 +5,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
+use glam::Vec3;
+use mesh_io::TriangleSource;
 use scratch::Scratch;
 use xfm_build::{
     BuildOptions, Keep, LinkOptions, MeshError, MeshProgress, NameBounds, Stage, build_mesh,
 };
+use xfm_format::{Encoding, PositionError, WriteOptions};
 
 use super::plan::{Mode, Plan};
 use super::report::{Built, Stages};
@@ -17,6 +20,8 @@ use crate::progress::{Progress, Unit};
 use crate::repaired::Repaired;
 use crate::{Error, interrupt};
 
+/// Triangles looked at at once.
+const BATCH: usize = 1 << 14;
 /// What a kept log is named, before its extension.
 const KEPT: &str = "xfm-build";
 
@@ -29,8 +34,8 @@ pub struct Request<'a> {
     pub path: &'a Path,
     /// The file to write.
     pub output: &'a Path,
-    /// Size of blocks.
-    pub levels: u32,
+    /// How the file is written, whatever its frame.
+    pub write: WriteOptions,
     /// Threads to use at most.
     pub threads: Option<NonZeroUsize>,
     /// Whether the log is kept for a later run, and that of an earlier run gone on with.
@@ -54,13 +59,21 @@ pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
     let mut bars = Bars::default();
     let mut observer = |progress: MeshProgress| bars.show(progress, plan.expected_triangles);
     let input = request.input;
-    let write = |frame| super::write_options(request.levels, frame);
+    let write = |frame| super::in_frame(&request.write, frame);
     let built = if input.is_file() {
         let mut open = || input.open();
         options.write = write(open()?.frame());
+        if request.write.encoding == Encoding::Compact {
+            options.write.position_error = position_error(request)?;
+        }
         let input = xfm_build::Input::File(&mut open);
         build_mesh(input, request.output, &plan.scratch, &options, &mut observer)
     } else {
+        if request.write.encoding == Encoding::Compact
+            && let PositionError::OfDiagonal(_) = request.write.position_error
+        {
+            return Err(Error::ShareOfPipe { name: input.name() });
+        }
         let mut source = input.open()?;
         options.write = write(source.frame());
         let input = xfm_build::Input::Pipe(&mut *source);
@@ -120,7 +133,10 @@ fn resume(request: &Request<'_>, plan: &Plan) -> Result<Option<Built>, Error> {
     // What was linked knows its names; there is nothing left to link.
     let names = NameBounds { vertices: 0, faces: 0 };
     let mut options = BuildOptions::new(LinkOptions::new(names));
-    options.link.write = super::write_options(request.levels, request.input.open()?.frame());
+    options.link.write = super::in_frame(&request.write, request.input.open()?.frame());
+    if request.write.encoding == Encoding::Compact {
+        options.link.write.position_error = position_error(request)?;
+    }
     options.number.memory_bytes = plan.options().plan().number_bytes;
     options.keep = Some(keep(request));
     let mut bars = Bars::default();
@@ -134,6 +150,23 @@ fn resume(request: &Request<'_>, plan: &Plan) -> Result<Option<Built>, Error> {
     }))
 }
 
+/// The error allowed for positions in model units; a share of the bounding box takes one more pass over the file.
+fn position_error(request: &Request<'_>) -> Result<PositionError, Error> {
+    let error = request.write.position_error;
+    let PositionError::OfDiagonal(_) = error else { return Ok(error) };
+    let mut source = request.input.open()?;
+    let mut triangles = Vec::new();
+    let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    while source.read(&mut triangles, BATCH)? > 0 {
+        for p in triangles.drain(..).flatten().filter(|p| p.is_finite()) {
+            bounds = [bounds[0].min(p), bounds[1].max(p)];
+        }
+        interrupt::check()?;
+    }
+    // Of nothing at all the build says that it is nothing.
+    Ok(error.in_units(if bounds[0].is_finite() { bounds } else { [Vec3::ZERO; 2] }))
+}
+
 /// What a run has to have in common with one that it goes on with: input, options, version.
 fn keep(request: &Request<'_>) -> Keep {
     let (length, seconds) = request.path.metadata().map_or((0, 0), |metadata| {
@@ -143,9 +176,9 @@ fn keep(request: &Request<'_>) -> Keep {
     });
     let name = request.path.canonicalize().unwrap_or_else(|_| request.path.to_owned());
     let identity = format!(
-        "{}\n{length}\n{seconds}\n{}\n{}",
+        "{}\n{length}\n{seconds}\n{:?}\n{}",
         name.display(),
-        request.levels,
+        request.write,
         env!("CARGO_PKG_VERSION")
     );
     Keep { name: KEPT.to_owned(), identity: identity.into_bytes() }

@@ -16,8 +16,8 @@ const LEAST_MEMORY: u64 = 64 << 20;
 const TEXT_BYTES_PER_TRIANGLE: u64 = 24;
 /// Of the file for each triangle; files are smaller, mostly.
 const FILE_BYTES_PER_TRIANGLE: u64 = 16;
-/// Of scratch files for each triangle: 56 for every collapse, which takes two triangles away.
-const SCRATCH_BYTES_PER_TRIANGLE: u64 = 28;
+/// Of scratch files for each triangle: 60 for every collapse, which takes two triangles away.
+const SCRATCH_BYTES_PER_TRIANGLE: u64 = 30;
 
 /// How a file is built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
