@@ -61,7 +61,7 @@ fn a_build_leaves_a_whole_file_or_none() {
     let input = folder.write("torus.obj", torus(300, 150));
     let file = folder.file("torus.xfm");
     let ways: [&[&str]; 3] =
-        [&[], &["--streaming"], &["--streaming", "--memory", "24MiB", "--scratch"]];
+        [&[], &["--streaming"], &["--streaming", "--memory", "64MiB", "--scratch"]];
     let scratch = Folder::new();
     for way in ways {
         let mut args = [&["build", &input, &file], way].concat();

@@ -4,11 +4,11 @@
 //!
 //! 1. *Links.* The reverse of a half-edge changes when a split puts a face between it and what was its reverse. So in the
 //!    finest mesh it is what the split of least order that names the half-edge says, or else what the node says that brought it.
-//!    Every naming goes to a bucket by half-edge, and bucket by bucket the least order wins ([`links`]).
+//!    Every naming goes to a bucket by half-edge, and bucket by bucket the least order wins (`links.rs`).
 //! 2. *Corners.* Where a node has no left child, no split takes the half-edge `h` away from the vertex `v` that it brings;
 //!    where it has no right child, none takes `a` away from the vertex `u` that stays. Every vertex is that of exactly one
 //!    such missing child, if it is not one of the coarsest mesh without a tree. From that half-edge a walk around the vertex
-//!    finds all corners that are its own ([`corners`]).
+//!    finds all corners that are its own (`corners.rs`).
 //!
 //! Half-edges lie in a table by name, most of which is in a scratch file. Those around a vertex have been brought by nodes
 //! near each other in the trees, and so have names near each other, mostly.
