@@ -268,6 +268,7 @@ impl Inserter {
             }
         }
         portion.waiting[other as usize] = portion.waiting[v as usize];
+        portion.unrate_around(other);
         other
     }
 

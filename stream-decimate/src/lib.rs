@@ -58,6 +58,8 @@ mod finality;
 mod greedy;
 mod insert;
 mod lookup;
+#[cfg(test)]
+mod messy;
 mod missed;
 mod names;
 mod new_star;

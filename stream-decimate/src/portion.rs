@@ -484,6 +484,17 @@ impl Portion {
         }
     }
 
+    /// Forgets the ratings of the neighbours of a vertex: what they would be collapsed into may not be beside them any more.
+    pub(crate) fn unrate_around(&mut self, v: u32) {
+        for x in self.stars.fans(v).neighbours() {
+            let flags = &mut self.flags[x as usize];
+            if *flags & state::MAY_GO != 0 {
+                *flags |= STALE;
+                self.bounds[x as usize] = UNRATED;
+            }
+        }
+    }
+
     /// That all corners of a triangle have half-edges of the same face, if they have tags.
     #[cfg(test)]
     fn validate_tags(&self, v: u32) -> Result<(), String> {

@@ -105,7 +105,7 @@ impl Choices {
 /// The vertex and its neighbours have to be in the window; `None` if the neighbours of the best of them are not.
 pub(crate) fn confirm(window: &Window<'_>, v: u32, rules: &Rules) -> Option<Rating> {
     let &Vertex { target, second, .. } = window.vertex(v);
-    if window.state(target) & takers(window, v) == 0 {
+    if !window.stars.fans(v).contains(target) || window.state(target) & takers(window, v) == 0 {
         return rate(window, v, rules);
     }
     if !window.has_star(target) {
