@@ -30,7 +30,7 @@ use collapser::Collapser;
 pub struct CollapseOptions {
     /// Triangles the buffer holds at most, 64 or more. Memory depends on this alone. Default 4,000,000.
     pub buffer_triangles: usize,
-    /// Vertices the buffer holds at most. Default `None`: half as many again as a closed mesh has.
+    /// Vertices the buffer holds at most, 48 or more. Default `None`: half as many again as a closed mesh has.
     pub buffer_vertices: Option<usize>,
     /// Triangles at which to stop; more are left where topology or geometry forbid to go on. Default 256.
     pub base_triangles: usize,
@@ -58,7 +58,8 @@ impl CollapseOptions {
     }
 
     fn most_vertices(&self) -> usize {
-        self.buffer_vertices.unwrap_or(self.buffer_triangles * 3 / 4)
+        // Fewer would leave no room for a triangle in a buffer that is as good as full.
+        self.buffer_vertices.unwrap_or(self.buffer_triangles * 3 / 4).max(48)
     }
 
     /// Names of faces are below this.

@@ -1,6 +1,6 @@
-//! From a stream of half-edge collapses to an `.xfm` file, in bounded memory.
+//! From a mesh of any size to an `.xfm` file, in bounded memory.
 //!
-//! [`build_from`] is the whole line. Its stages can be had one by one, too:
+//! [`build_mesh`] is the whole line, from triangles on; [`build_from`] takes the half-edge collapses of whoever makes them. Its stages can be had one by one, too:
 //!
 //! 1. [`Linker`]: forwards. Of every vertex that is there it knows the top of its merge tree; with that each collapse gets its
 //!    bounds, and it is known where its tree is cut into blocks and pages ([`mergetree::CutRule`]). An entry of a log says so.
