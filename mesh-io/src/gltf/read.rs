@@ -10,6 +10,7 @@ use gltf::{Document, Mesh, Node, Primitive};
 use super::buffers::{Buffers, split};
 use super::{EXPORT_AGAIN, accessor, malformed};
 use crate::codec::input::Input;
+use crate::codec::quote::{printable, quote};
 use crate::{Error, IndexedMesh, Place};
 
 /// Required extensions that say nothing about where triangles are, or that we know.
@@ -57,7 +58,7 @@ fn parse(json: &[u8], name: &str) -> Result<Document, Error> {
                 Error::Malformed {
                     name: name.to_owned(),
                     place: Place::Line(error.line() as u64),
-                    problem: format!("not the JSON of a glTF: {error}"),
+                    problem: printable(&format!("not the JSON of a glTF: {error}")),
                     remedy: EXPORT_AGAIN,
                 }
             }
@@ -67,7 +68,10 @@ fn parse(json: &[u8], name: &str) -> Result<Document, Error> {
     if let Some(extension) = root.extensions_required.first() {
         return Err(malformed(
             name,
-            format!("it needs the extension {extension}, which is not known here"),
+            format!(
+                "it needs the extension {}, which is not known here",
+                quote(extension.as_bytes())
+            ),
             "export the scene without it (without compression)",
         ));
     }
@@ -94,7 +98,7 @@ fn parse(json: &[u8], name: &str) -> Result<Document, Error> {
             },
             error => error.to_string(),
         };
-        malformed(name, problem, EXPORT_AGAIN)
+        malformed(name, printable(&problem), EXPORT_AGAIN)
     })
 }
 
