@@ -10,6 +10,7 @@ use base64::engine::general_purpose::STANDARD;
 use gltf::buffer::{Buffer, Source, View};
 
 use super::{EXPORT_AGAIN, malformed};
+use crate::codec::quote::quote;
 use crate::{Error, Place};
 
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
@@ -138,16 +139,29 @@ impl<'a> Buffers<'a> {
 
     fn read_file(&self, uri: &str, length: usize) -> Result<Vec<u8>, Error> {
         let folder = self.folder.ok_or_else(|| {
-            let problem = format!("its data is in another file, `{uri}`");
+            let problem = format!("its data is in another file, `{}`", quote(uri.as_bytes()));
             malformed(self.name, problem, "read it by its path, or export it as .glb")
         })?;
         if uri.contains("://") {
-            let problem = format!("its data is elsewhere, at `{uri}`");
+            let problem = format!("its data is elsewhere, at `{}`", quote(uri.as_bytes()));
             return Err(malformed(self.name, problem, "fetch it and put its local name there"));
         }
         let path = folder.join(unescape(uri));
         let name = path.display().to_string();
-        let file = File::open(&path).map_err(|error| Error::io(&name, "open", error))?;
+        let failed = |error| Error::io(&name, "open", error);
+        // Before it is opened: opening a pipe would wait for whoever writes it.
+        let there = std::fs::metadata(&path).map_err(failed)?;
+        if !there.is_file() {
+            return Err(failed(std::io::Error::other("it is not a file")));
+        }
+        let file = File::open(&path).map_err(failed)?;
+        if there.len() < length as u64 {
+            return Err(Error::Truncated {
+                name,
+                place: Place::Byte(there.len()),
+                missing: format!("the {length} bytes of the buffer are complete"),
+            });
+        }
         let mut bytes = Vec::new();
         file.take(length as u64)
             .read_to_end(&mut bytes)
