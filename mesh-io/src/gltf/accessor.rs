@@ -9,9 +9,6 @@ use super::buffers::Buffers;
 use super::{EXPORT_AGAIN, malformed};
 use crate::Error;
 
-/// The most elements an accessor without any bytes may have; beyond that only a broken file asks for zeros.
-const MAX_ZEROS: usize = 1 << 24;
-
 /// Calls `take` with the bytes of each of `count` elements of `size` bytes in a view.
 fn for_each(
     buffers: &mut Buffers<'_>,
@@ -92,10 +89,7 @@ pub(super) fn positions(
             let shape = [accessor.offset(), count, size];
             for_each(buffers, &view, shape, &what, |_, bytes| positions.push(point(bytes)))?;
         }
-        None if count > MAX_ZEROS => {
-            let problem = format!("{what} has {count} elements and no data");
-            return Err(malformed(buffers.name(), problem, EXPORT_AGAIN));
-        }
+        // The caller has found the number believable.
         None => positions.resize(count, Vec3::ZERO),
     }
     if let Some(sparse) = accessor.sparse() {

@@ -69,11 +69,24 @@ pub(super) struct Buffers<'a> {
     folder: Option<&'a Path>,
     bin: Option<&'a [u8]>,
     fetched: Vec<Option<Cow<'a, [u8]>>>,
+    /// Bytes of the file and of the other files that were read.
+    num_bytes: u64,
 }
 
 impl<'a> Buffers<'a> {
-    pub(super) fn new(name: &'a str, folder: Option<&'a Path>, bin: Option<&'a [u8]>) -> Self {
-        Self { name, folder, bin, fetched: Vec::new() }
+    /// Those of a file with so many bytes.
+    pub(super) fn new(
+        name: &'a str,
+        folder: Option<&'a Path>,
+        bin: Option<&'a [u8]>,
+        num_bytes: u64,
+    ) -> Self {
+        Self { name, folder, bin, fetched: Vec::new(), num_bytes }
+    }
+
+    /// Bytes of the file, and of those other files that were read.
+    pub(super) fn num_bytes(&self) -> u64 {
+        self.num_bytes
     }
 
     pub(super) fn name(&self) -> &'a str {
@@ -102,7 +115,7 @@ impl<'a> Buffers<'a> {
         })
     }
 
-    fn fetch(&self, buffer: &Buffer<'_>) -> Result<Cow<'a, [u8]>, Error> {
+    fn fetch(&mut self, buffer: &Buffer<'_>) -> Result<Cow<'a, [u8]>, Error> {
         let index = buffer.index();
         let bytes = match buffer.source() {
             Source::Bin => Cow::Borrowed(self.bin.ok_or_else(|| {
@@ -111,7 +124,11 @@ impl<'a> Buffers<'a> {
             })?),
             Source::Uri(uri) => Cow::Owned(match uri.strip_prefix("data:") {
                 Some(data) => self.decode(data, index)?,
-                None => self.read_file(uri, buffer.length())?,
+                None => {
+                    let bytes = self.read_file(uri, buffer.length())?;
+                    self.num_bytes += bytes.len() as u64;
+                    bytes
+                }
             }),
         };
         if bytes.len() < buffer.length() {

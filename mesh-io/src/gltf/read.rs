@@ -24,6 +24,12 @@ const HARMLESS: [&str; 7] = [
     "MSFT_texture_",
 ];
 
+/// Bytes of a mesh that are believed of each byte of file. Nodes may show the same mesh as often as they like, and meshes the
+/// same data; a small file could fill any memory.
+const MAX_EXPANSION: u64 = 1024;
+/// Bytes of a vertex, and of a triangle.
+const ITEM_BYTES: u64 = 12;
+
 /// The whole scene as one mesh; other files are looked for in `folder`.
 pub(crate) fn read_mesh<R: Read>(
     mut input: Input<R>,
@@ -37,7 +43,7 @@ pub(crate) fn read_mesh<R: Read>(
     let (json, bin) = split(&file, name)?;
     let document = parse(json, name)?;
     let mut scene = SceneReader {
-        buffers: Buffers::new(name, folder, bin),
+        buffers: Buffers::new(name, folder, bin, file.len() as u64),
         mesh: IndexedMesh::default(),
         seen: vec![false; document.nodes().len()],
     };
@@ -173,11 +179,26 @@ impl SceneReader<'_> {
         Ok(())
     }
 
+    /// That there may be so many vertices or triangles more.
+    fn check_size(&self, more: usize) -> Result<(), Error> {
+        let items = (self.mesh.positions.len() + self.mesh.triangles.len()) as u64;
+        let bytes = items.saturating_add(more as u64).saturating_mul(ITEM_BYTES);
+        if bytes > self.buffers.num_bytes().saturating_mul(MAX_EXPANSION) {
+            let problem = format!(
+                "its nodes show the same data so often that it becomes more than {MAX_EXPANSION} times as large as the file"
+            );
+            let remedy = "export parts of the scene, or each mesh once";
+            return Err(malformed(self.buffers.name(), problem, remedy));
+        }
+        Ok(())
+    }
+
     fn add_positions(
         &mut self,
         source: &gltf::Accessor<'_>,
         transform: DMat4,
     ) -> Result<(u32, u32), Error> {
+        self.check_size(source.count())?;
         let positions = accessor::positions(&mut self.buffers, source)?;
         let base = self.mesh.positions.len();
         let (Ok(first), Ok(count), true) = (
@@ -211,6 +232,10 @@ impl SceneReader<'_> {
             Some(source) => accessor::indices(&mut self.buffers, &source)?,
             None => (0..count).collect(),
         };
+        self.check_size(match primitive.mode() {
+            Mode::TriangleStrip | Mode::TriangleFan => corners.len(),
+            _ => corners.len() / 3,
+        })?;
         if let Some(&index) = corners.iter().find(|&&index| index >= count) {
             return Err(Error::IndexOutOfRange {
                 name: format!(
