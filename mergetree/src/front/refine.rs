@@ -81,6 +81,10 @@ impl Front {
                 return Err(SplitBlocked::Damaged(id));
             }
             match self.missing(store, id, &node, urgency)? {
+                // Only a node that hangs in two places is split where it was to be split first.
+                Some(first) if slot_of(store, first).is_some() => {
+                    return Err(SplitBlocked::Damaged(id));
+                }
                 Some(first) => pending.push((first, node.order + 1)),
                 None => {
                     self.split_now(store, id, &node)?;
