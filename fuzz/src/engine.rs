@@ -16,7 +16,7 @@ use crate::random::Random;
 use crate::target::Target;
 
 /// A case that takes longer hangs. Cases take milliseconds; this allows for a machine that is busy with other things.
-pub const TIME_LIMIT: Duration = Duration::from_secs(20);
+pub const TIME_LIMIT: Duration = Duration::from_secs(60);
 
 /// The exit code of a process in which a case hung.
 pub const HUNG: i32 = 99;

@@ -14,7 +14,7 @@ static ALLOCATOR: Counting = Counting;
 fn saved_cases_do_no_harm() {
     // A case that hangs cannot be broken off.
     std::thread::spawn(|| {
-        std::thread::sleep(10 * TIME_LIMIT);
+        std::thread::sleep(4 * TIME_LIMIT);
         eprintln!(
             "a case takes too long; run the cases one by one with `cargo xtask fuzz TARGET --case FILE`"
         );

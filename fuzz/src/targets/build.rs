@@ -53,6 +53,8 @@ fn run(bytes: &[u8]) {
             assert!(!path.exists(), "a file in spite of: {error}");
             match error {
                 MeshError::Empty => {}
+                // What comes once cannot be sorted.
+                MeshError::Collapse(stream_decimate::Error::Unsorted { .. }) if how & 4 != 0 => {}
                 // The grid does not reach so far with so small an error.
                 MeshError::Build(
                     Error::Coarse(CoarseProblem::TooFar)
