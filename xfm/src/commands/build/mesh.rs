@@ -9,7 +9,8 @@ use glam::Vec3;
 use mesh_io::TriangleSource;
 use scratch::Scratch;
 use xfm_build::{
-    BuildOptions, Keep, LinkOptions, MeshError, MeshProgress, NameBounds, Stage, build_mesh,
+    BuildOptions, CoarseProblem, Keep, LinkOptions, MeshError, MeshProgress, NameBounds,
+    RecordProblem, Stage, build_mesh,
 };
 use xfm_format::{Encoding, PositionError, WriteOptions};
 
@@ -82,12 +83,25 @@ pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
     let report = built.map_err(|error| match error {
         MeshError::Empty => Error::NothingToBuild { file: request.path.to_owned() },
         MeshError::Build(xfm_build::Error::Interrupted) => Error::Interrupted,
+        MeshError::Build(error) if is_about_grid(&error) => {
+            Error::Grid { file: request.path.to_owned(), source: error }
+        }
         MeshError::Build(error) => error.into(),
         MeshError::Collapse(error) => failed(input, plan, error),
         error => Error::BuildMesh(error),
     })?;
     let repaired = report.collapse.repaired.counts().into();
     Ok(built_of(&report.built, plan.mode, repaired, report.collapse.input_triangles))
+}
+
+/// Whether another error for positions would do.
+fn is_about_grid(error: &xfm_build::Error) -> bool {
+    matches!(
+        error,
+        xfm_build::Error::Format(xfm_format::Error::PositionError { .. })
+            | xfm_build::Error::Coarse(CoarseProblem::TooFar)
+            | xfm_build::Error::Record { problem: RecordProblem::TooFar, .. }
+    )
 }
 
 /// What went wrong with the triangles, with the input's name and what can be done about it.
