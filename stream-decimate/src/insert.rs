@@ -254,6 +254,10 @@ impl Inserter {
         let position = portion.position(v);
         let other = self.new_vertex(portion, position);
         portion.stars.all().adopt(other, v, &fans);
+        // Of what its triangles have been through it knows as much as the other.
+        if let Some(touched) = portion.identities.get(v as usize).map(|identity| identity.touched) {
+            portion.identities[other as usize].touched = touched;
+        }
         for vertex in [v, other] {
             let mut quadric = Quadric::default();
             let mut normal = Vec3::ZERO;
