@@ -26,11 +26,11 @@ pub(crate) fn moved(window: &Window<'_>, v: u32, u: u32) -> Option<f32> {
     let (of_v, of_u) = (normal(v), normal(u));
     let mut farthest = from.length_squared();
     for (a, b) in fans.triangles() {
+        let [p, q] = [a, b].map(|x| window.position(x) - at);
+        farthest = farthest.max(p.length_squared()).max(q.length_squared());
         if a == u || b == u {
             continue;
         }
-        let [p, q] = [a, b].map(|x| window.position(x) - at);
-        farthest = farthest.max(p.length_squared()).max(q.length_squared());
         let (before, after) = ((p - from).cross(q - from), p.cross(q));
         let turned = |(then, now): (Vec3, Vec3)| after.dot(now) <= 0.0 && before.dot(then) > 0.0;
         let beside = [normal(a), normal(b)].map(|n| (n, n));
