@@ -1,14 +1,16 @@
 //! Decimation by every method, and collapses for hierarchies, of any soup.
 
+use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use halfedge::FaceId;
 use mesh_io::{
     Error as MeshError, IndexedMesh, MeshSource, Triangle, TriangleSink, TriangleSource,
 };
 use stream_decimate::{
-    CollapseOptions, DecimateOptions, DecimateReport, Error, Placement, ReadOrder, Target as Aim,
-    collapse_file, decimate, decimate_clustered, decimate_file, decimate_greedy,
+    CollapseOptions, Collapsed, DecimateOptions, DecimateReport, Error, Placement, ReadOrder,
+    Target as Aim, collapse_file, decimate, decimate_clustered, decimate_file, decimate_greedy,
 };
 
 use super::soup::{Pipe, Soup, is_watertight, seeds};
@@ -165,7 +167,7 @@ fn is_watertight_or_coincident(triangles: &[Triangle]) -> bool {
         return true;
     }
     // Every edge has as many triangles on one side as on the other.
-    let mut edges = std::collections::HashMap::new();
+    let mut edges = HashMap::new();
     for triangle in triangles {
         let corners = triangle.map(|c| (c + glam::Vec3::ZERO).to_array().map(f32::to_bits));
         for i in 0..3 {
@@ -177,6 +179,25 @@ fn is_watertight_or_coincident(triangles: &[Triangle]) -> bool {
         }
     }
     edges.values().all(|&sum| sum == 0)
+}
+
+/// Per face the highest rank of a collapse that names one of its half-edges.
+#[derive(Default)]
+struct Named(HashMap<FaceId, u32>);
+
+impl Named {
+    /// What names a face is split after what brings it.
+    fn check(&mut self, collapse: &Collapsed) {
+        for h in [Some(collapse.half_edge), collapse.reverse].into_iter().flatten() {
+            if let Some(rank) = self.0.remove(&h.face()) {
+                assert!(rank < collapse.rank, "rank {} names a face of {}", rank, collapse.rank);
+            }
+        }
+        for h in collapse.adjacent.into_iter().flatten() {
+            let rank = self.0.entry(h.face()).or_default();
+            *rank = (*rank).max(collapse.rank);
+        }
+    }
 }
 
 fn collapse_soup(bytes: &[u8]) {
@@ -191,13 +212,15 @@ fn collapse_soup(bytes: &[u8]) {
         Ok(Box::new(MeshSource::new(soup.mesh(), "case")))
     };
     let mut told = 0u64;
+    let mut named = Named::default();
     let outcome = collapse_file::<Error>(
         &mut open,
         order,
         Path::new(&std::env::temp_dir()),
         &options,
-        &mut |_| {
+        &mut |collapse| {
             told += 1;
+            named.check(collapse);
             Ok(())
         },
         &mut |_| ControlFlow::Continue(()),
