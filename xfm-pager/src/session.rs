@@ -99,7 +99,7 @@ impl Session {
         if let Detail::Budget(triangles) = detail {
             limits.max_triangles = triangles;
         }
-        let update = self.front.update(&mut self.pager, |node| view.error_px(node), &limits);
+        let update = self.front.update_view(&mut self.pager, &view, &limits);
         let pager = self.pager.stats();
         let load_time = pager.frame.load_time;
         if let Detail::Budget(triangles) = detail {
