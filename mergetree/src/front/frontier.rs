@@ -18,11 +18,14 @@ pub(crate) struct Cluster {
     pub(crate) upper: u32,
     /// Where that split is.
     pub(crate) parent: Option<SlotId>,
+    /// The node that was not resident when the next split was last tried.
+    pub(crate) blocked_by: Option<NodeId>,
 }
 
 impl Cluster {
     /// Of a vertex that is not there.
-    const NONE: Self = Self { top: None, lower: 0, upper: u32::MAX, parent: None };
+    const NONE: Self =
+        Self { top: None, lower: 0, upper: u32::MAX, parent: None, blocked_by: None };
 }
 
 #[derive(Clone, Debug, Default)]
@@ -61,7 +64,7 @@ impl Frontier {
             (Some(_), None) => UNKNOWN,
             (Some(_), Some(node)) => node.order,
         };
-        self.insert(v, Cluster { top, lower, upper, parent });
+        self.insert(v, Cluster { top, lower, upper, parent, blocked_by: None });
         let absent = top.is_some() && node.is_none();
         match node {
             Some(node) => self.bounds.set(v as usize, &node.into()),
@@ -81,7 +84,8 @@ impl Frontier {
         upper: u32,
         parent: Option<SlotId>,
     ) {
-        self.insert(v, Cluster { top: Some(top), lower: bounds.order, upper, parent });
+        let lower = bounds.order;
+        self.insert(v, Cluster { top: Some(top), lower, upper, parent, blocked_by: None });
         self.bounds.set(v as usize, bounds);
         set_bit(&mut self.present, v as usize, true);
         set_bit(&mut self.absent, v as usize, false);
@@ -101,6 +105,14 @@ impl Frontier {
         self.clusters[v as usize] = cluster;
     }
 
+    /// Goes without the next split of a vertex, which can never be made, until its parent is split anew.
+    pub(crate) fn give_up(&mut self, v: u32) {
+        let cluster = &mut self.clusters[v as usize];
+        *cluster = Cluster { top: None, lower: 0, blocked_by: None, ..*cluster };
+        set_bit(&mut self.present, v as usize, false);
+        set_bit(&mut self.absent, v as usize, false);
+    }
+
     /// Looks whether a next split that was not resident is now, and takes its bounds if so.
     pub(crate) fn look_again(&mut self, store: &impl NodeStore, v: u32) -> bool {
         let cluster = &mut self.clusters[v as usize];
@@ -111,9 +123,27 @@ impl Frontier {
         true
     }
 
+    /// Notes what the next split of a vertex waits for, so that it is not tried again before that has come: what it forces
+    /// to be split on the way would be collapsed and split again in every frame.
+    pub(crate) fn set_blocked(&mut self, v: u32, by: Option<NodeId>) {
+        self.clusters[v as usize].blocked_by = by;
+    }
+
+    /// The node that the next split of a vertex waits for: itself, or one it depends on.
+    pub(crate) fn waits_for(&self, v: u32) -> Option<NodeId> {
+        let cluster = self.get(v);
+        if self.is_absent(v) { cluster.top } else { cluster.blocked_by }
+    }
+
     #[inline]
     pub(crate) fn get(&self, v: u32) -> &Cluster {
         &self.clusters[v as usize]
+    }
+
+    /// Whether a node is the next split of a vertex.
+    #[inline]
+    pub(crate) fn is_next(&self, v: u32, id: NodeId) -> bool {
+        self.clusters.get(v as usize).is_some_and(|cluster| cluster.top == Some(id))
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -3,7 +3,6 @@
 use halfedge::HalfEdgeId;
 
 use crate::front::frontier::UNKNOWN;
-use crate::front::held::Holder;
 use crate::front::mesh::Misfit;
 use crate::front::{Dependencies, Front, FrontVertex, Slot, slot_of};
 use crate::{HalfEdgeName, Node, NodeBounds, NodeId, NodeStore, SlotId};
@@ -18,6 +17,16 @@ pub enum SplitBlocked {
     /// What the node says of its surroundings contradicts the mesh: the file it comes from is damaged or hostile.
     #[error("node {0} does not fit the mesh around it")]
     Damaged(NodeId),
+}
+
+impl SplitBlocked {
+    /// Whether there is no use in trying again.
+    pub(crate) fn is_for_good(self, store: &impl NodeStore) -> bool {
+        match self {
+            Self::NotResident(id) => store.is_lost(id),
+            Self::Damaged(_) => true,
+        }
+    }
 }
 
 /// Why a node was not collapsed. Nothing was changed.
@@ -95,6 +104,15 @@ impl Front {
         pending.push(Pending { id, least_order: 0, vertex });
         self.just_split.clear();
         let result = self.split_pending(store, &mut pending, urgency);
+        if let Err(blocked) = result
+            && blocked.is_for_good(store)
+        {
+            // The vertex that this happened at does without, so that others need not wait for it.
+            let at = pending.iter().rev().find_map(|pending| pending.vertex);
+            if let Some(vertex) = at.filter(|&v| (v as usize) < self.frontier.len()) {
+                self.frontier.give_up(vertex);
+            }
+        }
         self.pending = pending;
         result
     }
@@ -192,6 +210,10 @@ impl Front {
             let top = cluster.top.ok_or(damaged)?;
             if cluster.lower != UNKNOWN {
                 return Ok(Missing::Split(Pending { id: top, least_order, vertex: Some(coarser) }));
+            }
+            if store.is_lost(top) {
+                self.frontier.give_up(coarser);
+                continue;
             }
             // Its order is not known: it has to be looked at.
             if store.node(top).is_none() && !store.request(top, urgency)
@@ -334,7 +356,7 @@ impl Front {
     ) -> Result<[Option<HalfEdgeId>; 4], CollapseBlocked> {
         self.look_at_collapse(slot, id, node).map_err(|(blocked, holder)| {
             if let Some(vertex) = holder {
-                self.held.set(slot, Holder::new(&self.frontier, vertex));
+                self.held.set(slot, vertex, &self.frontier, &self.slots);
             }
             blocked
         })

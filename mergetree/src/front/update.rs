@@ -49,7 +49,8 @@ pub struct UpdateStats {
     pub collapses: usize,
     /// Nodes that are too coarse and were not split: something they depend on is not resident.
     pub waiting: usize,
-    /// Nodes that do not fit the mesh: the file they come from is damaged.
+    /// Nodes that were given up in this update: they, or what they depend on, are lost or do not fit the mesh, because the
+    /// file they come from is damaged.
     pub damaged: usize,
     /// Nodes that are finer than they need to be and were not collapsed, because a neighbour holds them.
     pub held: usize,
@@ -62,6 +63,9 @@ pub struct UpdateStats {
     /// Time spent on splits and collapses and the tests of what they brought up; requests for nodes included.
     pub update_time: Duration,
 }
+
+/// How urgent an error is that is not seen yet.
+const LATER: f32 = 0.1;
 
 /// A node that is not split and should be, the largest error first; ties by id, so that the result does not depend on
 /// chance.
@@ -140,8 +144,8 @@ impl Front {
         update.stats
     }
 
-    /// Requests the nodes below the front that are not resident and that a view to come would want, with their error in it
-    /// as urgency. Returns how many.
+    /// Requests the nodes below the front that are not resident and that a view to come would want, less urgently than what
+    /// the present one does. Returns how many.
     pub fn prefetch(&mut self, store: &mut impl NodeStore, view: &View, tolerance: f32) -> usize {
         let mut wanted = Vec::new();
         let (bounds, absent) = self.frontier.absent_table();
@@ -151,9 +155,13 @@ impl Front {
             |error, _| error > tolerance,
             |error, vertex| wanted.push((error, vertex)),
         );
+        wanted.sort_unstable_by(|a: &(f32, u32), b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         for &(error, vertex) in &wanted {
-            if let Some(top) = self.frontier.get(vertex).top {
-                store.request(top, error);
+            // What an earlier request brought is looked at when it is wanted in fact.
+            if let Some(top) =
+                self.frontier.get(vertex).top.filter(|&top| store.node(top).is_none())
+            {
+                store.request(top, LATER * error.min(1e3 * tolerance));
             }
         }
         wanted.len()
@@ -189,14 +197,14 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
         let Self { front, measure, coarse, fine, held, .. } = self;
         let below = self.limits.tolerance * self.limits.hysteresis;
         let above = self.limits.tolerance;
-        let Front { scan, bounds, leaves, frontier, held: holders, .. } = &mut **front;
+        let Front { scan, bounds, leaves, frontier, slots, held: holders, .. } = &mut **front;
         let (bounds, frontier) = (&*bounds, &*frontier);
         self.stats.tests += scan.run(
             *measure,
             (bounds.groups(), leaves),
             |error, _| error < below,
             |_, slot| {
-                if holders.is_held(slot as usize, frontier) {
+                if holders.is_held(slot as usize, frontier, slots) {
                     held.push(slot);
                 } else {
                     fine.push((bounds.order(slot as usize), slot));
@@ -235,7 +243,7 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
             let front = &*self.front;
             let before = fine.len();
             self.held.retain(|&slot| {
-                let is_held = front.held.is_held(slot as usize, &front.frontier);
+                let is_held = front.held.is_held(slot as usize, &front.frontier, &front.slots);
                 if !is_held && has_bit(&front.leaves, slot as usize) {
                     fine.push(Reverse((front.bounds.order(slot as usize), slot)));
                 }
@@ -282,11 +290,11 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
         let mut absent = Vec::new();
         let mut coarse = std::mem::take(&mut self.coarse);
         coarse.retain(|candidate| {
-            let is_absent = self.front.frontier.is_absent(candidate.vertex);
-            if is_absent {
+            let waits = self.front.frontier.waits_for(candidate.vertex).is_some();
+            if waits {
                 absent.push(*candidate);
             }
-            !is_absent
+            !waits
         });
         let mut coarse = BinaryHeap::from(coarse);
         self.request(&mut absent, &mut coarse);
@@ -305,8 +313,17 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
             }
             match self.front.split_at(self.store, id, Some(vertex), error) {
                 Ok(()) => {}
-                Err(SplitBlocked::NotResident(_)) => self.stats.waiting += 1,
-                Err(SplitBlocked::Damaged(_)) => self.stats.damaged += 1,
+                Err(blocked) if blocked.is_for_good(self.store) => {
+                    self.stats.damaged += 1;
+                    // Another vertex was given up that this one waited for: perhaps it can do without.
+                    if self.front.frontier.is_next(vertex, id) {
+                        coarse.push(Candidate { error, id, vertex });
+                    }
+                }
+                Err(SplitBlocked::NotResident(other) | SplitBlocked::Damaged(other)) => {
+                    self.stats.waiting += 1;
+                    self.front.frontier.set_blocked(vertex, Some(other));
+                }
             }
             self.stats.splits += self.front.just_split.len();
             for &slot in &self.front.just_split {
@@ -340,7 +357,7 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
                     && let Some(id) = frontier.get(vertex).top
                 {
                     let candidate = Candidate { error, id, vertex };
-                    if frontier.is_absent(vertex) {
+                    if frontier.waits_for(vertex).is_some() {
                         absent.push(candidate);
                     } else {
                         coarse.push(candidate);
@@ -355,12 +372,23 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
     fn request(&mut self, absent: &mut Vec<Candidate>, coarse: &mut BinaryHeap<Candidate>) {
         absent.sort_unstable_by(|a, b| b.cmp(a));
         let mut here = Vec::new();
-        for &Candidate { error, id, vertex } in &*absent {
+        for &candidate in &*absent {
+            let Candidate { error, vertex, .. } = candidate;
+            let frontier = &mut self.front.frontier;
+            let Some(id) = frontier.waits_for(vertex) else { continue };
+            if self.store.is_lost(id) {
+                self.stats.damaged += 1;
+                frontier.give_up(vertex);
+                continue;
+            }
             let resident = self.store.node(id).is_some() || self.store.request(id, error);
-            if resident && self.front.frontier.look_again(self.store, vertex) {
-                here.push(vertex);
-            } else {
+            if !resident {
                 self.stats.waiting += 1;
+            } else if !frontier.is_absent(vertex) {
+                frontier.set_blocked(vertex, None);
+                coarse.push(candidate);
+            } else if frontier.look_again(self.store, vertex) {
+                here.push(vertex);
             }
         }
         absent.clear();

@@ -212,7 +212,7 @@ impl Front {
             }
             let slot = SlotId::from_index(index);
             if is_leaf
-                && self.held.is_held(index, &self.frontier)
+                && self.held.is_held(index, &self.frontier, &self.slots)
                 && self.look_at_collapse(slot, id, node).is_ok()
             {
                 return Err(FrontInvalid::Held(id));
