@@ -52,6 +52,47 @@ pub struct Pager {
     peak_bytes: usize,
     /// Frame in which no block was found that could go; none will be before the next.
     exhausted: Option<u32>,
+    thrift: Thrift,
+}
+
+/// Whether loading is of any use while memory is used up: what is loaded and goes again before anything is split is not.
+#[derive(Debug)]
+struct Thrift {
+    /// Most nodes that were in blocks that must stay, since the view changed.
+    most_held: usize,
+    /// Fewest there were when loading was stopped.
+    stopped_at: usize,
+    /// Frames in which requests were refused since there were more than ever.
+    futile: u32,
+    is_stopped: bool,
+}
+
+impl Thrift {
+    /// So many frames without any gain are enough.
+    const ENOUGH: u32 = 16;
+
+    fn new() -> Self {
+        Self { most_held: 0, stopped_at: usize::MAX, futile: 0, is_stopped: false }
+    }
+
+    /// Stopped, it goes on when clearly fewer blocks must stay than ever when it was stopped: so it stops for good.
+    fn observe(&mut self, held: usize, refusals: u64) {
+        if self.is_stopped {
+            if held < self.stopped_at / 10 * 9 {
+                self.is_stopped = false;
+                self.futile = 0;
+            }
+        } else if held > self.most_held {
+            self.most_held = held;
+            self.futile = 0;
+        } else if refusals > 0 {
+            self.futile += 1;
+            if self.futile == Self::ENOUGH {
+                self.is_stopped = true;
+                self.stopped_at = self.stopped_at.min(held);
+            }
+        }
+    }
 }
 
 /// Who reads pages.
@@ -115,6 +156,7 @@ impl Pager {
             total: Counters::default(),
             peak_bytes: 0,
             exhausted: None,
+            thrift: Thrift::new(),
             options,
             file,
         };
@@ -183,6 +225,7 @@ impl Pager {
         self.options.hard_quota_bytes = hard_quota_bytes;
         self.options.soft_quota_bytes = soft_quota_bytes.min(hard_quota_bytes);
         self.exhausted = None;
+        self.view_changed();
         let others = self.other_bytes() - self.source_bytes() + self.residents.held_bytes();
         let pages = self.pages_in_flight(hard_quota_bytes.saturating_sub(others));
         if let Source::Loaders(loader) = &mut self.source {
@@ -269,6 +312,7 @@ impl Pager {
     /// To be called before every update of the front: without frames nothing is ever removed.
     pub fn begin_frame(&mut self) {
         let begin = Instant::now();
+        self.thrift.observe(self.residents.num_held_nodes(), self.frame.refusals);
         self.total.add(&std::mem::take(&mut self.frame));
         let last_frame = self.residents.clock;
         let others = self.other_bytes();
@@ -299,6 +343,11 @@ impl Pager {
         if let Source::Loaders(loader) = &self.source {
             loader.ask(wants.collect());
         }
+    }
+
+    /// Tells that what is wanted has changed: where memory was used up and loading of no use, it may be now.
+    pub fn view_changed(&mut self) {
+        self.thrift = Thrift::new();
     }
 
     /// Waits until a page has come that was asked for, nothing is asked for any more, or the time is over.
@@ -401,7 +450,7 @@ impl Pager {
         }
         // Whether the block fits shows once its page is unpacked: done only if a full one does.
         let slots = self.numbering().slots() as usize;
-        if !self.make_room(slots) {
+        if self.thrift.is_stopped || !self.make_room(slots) {
             self.frame.refusals += 1;
             return false;
         }

@@ -106,9 +106,14 @@ impl Residents {
         free * size_of::<Resident>() + self.arena.free_bytes()
     }
 
+    /// Nodes in blocks that must not go.
+    pub fn num_held_nodes(&self) -> usize {
+        self.num_nodes - self.num_listed_nodes
+    }
+
     /// The part of [`bytes`](Self::bytes) that is in blocks that must not go: those with a split node, and those of roots.
     pub fn held_bytes(&self) -> usize {
-        let nodes = self.num_nodes - self.num_listed_nodes;
+        let nodes = self.num_held_nodes();
         let blocks = self.num_blocks - self.num_listed;
         self.directory.bytes() + nodes * size_of::<Node>() + blocks * size_of::<Resident>()
     }

@@ -23,6 +23,8 @@ pub enum Detail {
 
 /// Finest and coarsest tolerance that a budget may choose, in pixels.
 const TOLERANCES: (f32, f32) = (0.05, 500.0);
+/// How far above a tolerance that memory did not suffice for to stay at least, as a share of it.
+const LEAST_DISTANCE: f32 = 0.01;
 /// How far ahead of the camera's motion detail is requested, in frames.
 const FRAMES_AHEAD: f32 = 12.0;
 
@@ -115,8 +117,10 @@ pub struct Session {
     control: ToleranceControl,
     /// Tolerance below which memory does not suffice, in pixels; 0 while it does.
     memory_tolerance: f32,
-    /// The last tolerance that memory did not suffice for since the camera moved.
+    /// The largest tolerance that memory did not suffice for since the camera moved, and how far above it to stay: the
+    /// more often it was tried in vain, the farther.
     refused_tolerance: f32,
+    distance: f32,
     /// The camera of the last frame.
     last: Option<Camera>,
     reported_time: Option<Duration>,
@@ -149,6 +153,7 @@ impl Session {
             control: ToleranceControl::new(2.0, min, max),
             memory_tolerance: 0.0,
             refused_tolerance: 0.0,
+            distance: LEAST_DISTANCE,
             last: None,
             reported_time: None,
             inside_out,
@@ -233,6 +238,8 @@ impl Session {
             return;
         }
         self.refused_tolerance = 0.0;
+        self.distance = LEAST_DISTANCE;
+        self.pager.view_changed();
         if self.pager.options().loaders == 0 {
             return;
         }
@@ -253,9 +260,12 @@ impl Session {
         let pager = self.pager.stats();
         let hard = self.pager.options().hard_quota_bytes as f32;
         if pager.frame.refusals > 0 || pager.resident_bytes as f32 > hard {
+            if self.refused_tolerance > 0.0 && tolerance_px > self.refused_tolerance {
+                self.distance = (2.0 * self.distance).min(1.0);
+            }
             self.refused_tolerance = self.refused_tolerance.max(tolerance_px);
             self.memory_tolerance = (1.1 * tolerance_px).clamp(TOLERANCES.0, TOLERANCES.1);
-        } else if self.memory_tolerance > 1.03 * self.refused_tolerance
+        } else if self.memory_tolerance > (1.0 + self.distance) * self.refused_tolerance
             && (pager.held_bytes as f32) < 0.85 * hard
         {
             self.memory_tolerance *= 0.98;
@@ -325,6 +335,7 @@ impl Session {
     pub fn set_quotas(&mut self, soft_quota_bytes: usize, hard_quota_bytes: usize) {
         self.pager.set_quotas(soft_quota_bytes, hard_quota_bytes);
         self.refused_tolerance = 0.0;
+        self.distance = LEAST_DISTANCE;
     }
 
     /// The pager.
