@@ -97,14 +97,18 @@ impl Thrift {
 
 /// Who reads pages.
 enum Source {
-    /// Whoever requests a node, one page at a time.
-    Caller {
-        reader: PageReader,
-        page: Page,
-        number: Option<usize>,
-        bytes: usize,
-    },
+    Caller(Box<AtOnce>),
     Loaders(Loader),
+}
+
+/// Whoever requests a node reads its page, one at a time.
+struct AtOnce {
+    reader: PageReader,
+    page: Page,
+    /// What is in `page`.
+    number: Option<usize>,
+    /// Memory that all this takes at most.
+    bytes: usize,
 }
 
 /// In place of an urgency: not requested.
@@ -135,12 +139,12 @@ impl Pager {
     pub fn new(file: XfmFile, mut options: PagerOptions) -> Result<Self, Error> {
         options.soft_quota_bytes = options.soft_quota_bytes.min(options.hard_quota_bytes);
         let file = Arc::new(file);
-        let source = Source::Caller {
+        let source = Source::Caller(Box::new(AtOnce {
             reader: file.page_reader()?,
             page: Page::new(),
             number: None,
             bytes: file.largest_page_bytes().iter().sum(),
-        };
+        }));
         // Without loaders there is one at a time.
         let most_requests = if options.loaders == 0 { 1 } else { MAX_REQUESTS };
         let mut pager = Self {
@@ -202,8 +206,8 @@ impl Pager {
         if self.is_lost(number) || !self.read_page(number) {
             return;
         }
-        let Source::Caller { page, .. } = &self.source else { return };
-        if let Some(block) = page.block(block) {
+        let Source::Caller(at_once) = &self.source else { return };
+        if let Some(block) = at_once.page.block(block) {
             self.residents.insert(&block, true);
             self.frame.loads += 1;
         }
@@ -264,7 +268,7 @@ impl Pager {
 
     fn source_bytes(&self) -> usize {
         match &self.source {
-            Source::Caller { bytes, .. } => *bytes,
+            Source::Caller(at_once) => at_once.bytes,
             Source::Loaders(loader) => loader.bytes(),
         }
     }
@@ -288,7 +292,7 @@ impl Pager {
         let mut total = self.total;
         total.add(&self.frame);
         let [queued, reading, done] = match &self.source {
-            Source::Caller { .. } => [0; 3],
+            Source::Caller(_) => [0; 3],
             Source::Loaders(loader) => loader.queue(),
         };
         PagerStats {
@@ -360,7 +364,7 @@ impl Pager {
     /// Whether nothing that was asked for is still to come.
     pub fn is_idle(&self) -> bool {
         match &self.source {
-            Source::Caller { .. } => true,
+            Source::Caller(_) => true,
             Source::Loaders(loader) => loader.queue() == [0; 3],
         }
     }
@@ -470,11 +474,11 @@ impl Pager {
             return false;
         }
         let begin = Instant::now();
-        let Source::Caller { page, .. } = &mut self.source else { return false };
-        let page_read = std::mem::take(page);
-        self.keep_blocks(&page_read);
-        if let Source::Caller { page, .. } = &mut self.source {
-            *page = page_read;
+        let Source::Caller(at_once) = &mut self.source else { return false };
+        let page = std::mem::take(&mut at_once.page);
+        self.keep_blocks(&page);
+        if let Source::Caller(at_once) = &mut self.source {
+            at_once.page = page;
         }
         self.requested.clear();
         self.note_peak();
@@ -489,7 +493,8 @@ impl Pager {
 
     /// Reads a page on this thread, unless it is the one read last; notes it when that fails for good.
     fn read_page(&mut self, wanted: usize) -> bool {
-        let Source::Caller { reader, page, number, .. } = &mut self.source else { return false };
+        let Source::Caller(at_once) = &mut self.source else { return false };
+        let AtOnce { reader, page, number, .. } = &mut **at_once;
         if *number == Some(wanted) {
             return true;
         }

@@ -237,8 +237,9 @@ impl Front {
         };
         // `x` and `z` lead out of the vertex, `w` and `y` into it.
         let look = |ring: &mut Ring, h: HalfEdgeId, [first, second]: [usize; 2]| {
+            let at = self.mesh.slot_of_half_edge(h);
             for which in [first, second] {
-                if names[which].is_some_and(|name| self.is_named(h, name)) {
+                if names[which].is_some_and(|name| self.is_named(h, at, name)) {
                     ring.adjacent[which] = Some(h);
                 }
             }
@@ -273,10 +274,10 @@ impl Front {
         Some(ring)
     }
 
-    /// Whether a half-edge of the active mesh has this name.
+    /// Whether a half-edge of the active mesh, the one `at` this place in a slot, has this name.
     #[inline]
-    fn is_named(&self, h: HalfEdgeId, name: HalfEdgeName) -> bool {
-        match (self.mesh.slot_of_half_edge(h), name) {
+    fn is_named(&self, h: HalfEdgeId, at: Option<(SlotId, u32)>, name: HalfEdgeName) -> bool {
+        match (at, name) {
             (None, HalfEdgeName::Base(base)) => h.get() == base,
             (Some((slot, k)), HalfEdgeName::Node(owner, owned)) => {
                 k == owned && self.slots[slot.index()].node == Some(owner)
@@ -386,7 +387,9 @@ impl Front {
             let name = name.map(|name| self.names.resolve(name));
             let same = match (outer, name) {
                 (None, None) => true,
-                (Some(outer), Some(name)) => self.is_named(outer, name),
+                (Some(outer), Some(name)) => {
+                    self.is_named(outer, self.mesh.slot_of_half_edge(outer), name)
+                }
                 _ => false,
             };
             if !same {
