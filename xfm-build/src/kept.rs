@@ -376,8 +376,7 @@ impl Linked {
         let Some(earlier) = earlier else { return Ok(None) };
         let (names, counts) = (earlier.names, earlier.counts);
         let Opened { store, log, sizes, kept } = earlier.open_log(scratch, keep)?;
-        let (coarse, notes) =
-            earlier.read_coarse().map_err(|error| keep.fail(scratch, error))?;
+        let (coarse, notes) = earlier.read_coarse().map_err(|error| keep.fail(scratch, error))?;
         Ok(Some(Self {
             scratch: scratch.clone(),
             write: write.clone(),

@@ -400,7 +400,16 @@ impl Linked {
     ) -> Result<Numbered, Error> {
         let plan = NumberPlan::new(options.memory_bytes, &self.load())?;
         let Self {
-            scratch, write, names: bounds, store, mut log, sizes, counts, mut coarse, kept, ..
+            scratch,
+            write,
+            names: bounds,
+            store,
+            mut log,
+            sizes,
+            counts,
+            mut coarse,
+            kept,
+            ..
         } = self;
         let mut stores = Stores { log: store, buckets: None };
         if kept.is_some() {
