@@ -314,7 +314,8 @@ mod tests {
             7 => portion.stars.change(v, at / count, to),
             _ => {
                 let names = portion.names.as_mut().unwrap();
-                let free = if at % 2 == 0 { &mut names.vertices } else { &mut names.faces };
+                let free =
+                    if at.is_multiple_of(2) { &mut names.vertices } else { &mut names.faces };
                 match free.names.len() {
                     0 => free.used = to,
                     len => free.names[at / 2 % len] = to,
