@@ -74,7 +74,7 @@ impl CollapseOptions {
     /// Bytes of a checkpoint at most.
     pub fn checkpoint_bytes(&self) -> u64 {
         Portion::SAVED_VERTEX_BYTES * u64::from(self.num_vertex_names())
-            + Portion::SAVED_TRIANGLE_BYTES * self.buffer_triangles as u64
+            + (Portion::SAVED_NAME_BYTES + Portion::SAVED_LONG_BYTES) * self.buffer_triangles as u64
             + checkpoint::OTHER_BYTES
     }
 
@@ -137,7 +137,7 @@ pub trait Recorder<E> {
     /// Its own, which end the run.
     fn tell(&mut self, collapse: &Collapsed) -> Result<(), E>;
 
-    /// Whether a checkpoint is wanted here, of so many bytes at most. Asked whenever the buffer has been emptied by half, and
+    /// Whether a checkpoint is wanted here, of about so many bytes. Asked whenever the buffer has been emptied by half, and
     /// after each round once all is read. What is collapsed does not depend on it.
     fn wants_checkpoint(&mut self, bytes: u64) -> bool {
         let _without_checkpoints = bytes;

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 /// Of the time they take one fiftieth, two percent.
 const SHARE: u32 = 50;
 /// They are no closer together.
-const LEAST: Duration = Duration::from_secs(10);
-/// Bytes per second that are written, before any have been: fewer than most disks take.
-const RATE: f64 = 150e6;
+const LEAST: Duration = Duration::from_secs(5);
+/// Bytes per second that are written, before any have been.
+const RATE: f64 = 400e6;
 
 #[derive(Debug)]
 pub(crate) struct Pace {

@@ -213,6 +213,28 @@ fn broken_off_again_and_again_it_becomes_the_same_file() {
 }
 
 #[test]
+fn what_is_built_in_core_is_gone_on_with_between_rounds() {
+    let mesh = Mesh::new(120);
+    let place = Place::new();
+    let mut options = resuming();
+    options.mode = Some(Mode::InCore);
+    options.expected_triangles = Some(28_800);
+    options.keep = None;
+    build(&mesh, &place, &options, usize::MAX).unwrap();
+    let expected = std::fs::read(place.file()).unwrap();
+    std::fs::remove_file(place.file()).unwrap();
+    options.keep = resuming().keep;
+    let mut runs = 0;
+    while build(&mesh, &place, &options, 8 + runs).is_err() {
+        assert_eq!(place.left(), ["a.log", "a.state"]);
+        runs += 1;
+        assert!(runs < 100);
+    }
+    assert!(runs > 2, "{runs}");
+    assert!(std::fs::read(place.file()).unwrap() == expected && place.left().is_empty());
+}
+
+#[test]
 fn what_is_kept_goes_when_a_new_run_begins_and_when_there_is_nothing_to_keep() {
     let mesh = Mesh::new(260);
     let place = Place::new();

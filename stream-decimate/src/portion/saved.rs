@@ -23,8 +23,10 @@ pub(crate) struct Limits {
 impl Portion {
     /// Bytes that [`save`](Self::save) writes for a vertex, with its name where that is free.
     pub(crate) const SAVED_VERTEX_BYTES: u64 = 64 + 32 + 1 + 4 + 4 + 2 * 64 + 4;
-    /// And for a triangle, with its share of long stars.
-    pub(crate) const SAVED_TRIANGLE_BYTES: u64 = 4 + 24;
+    /// And for a triangle's name where that is free.
+    pub(crate) const SAVED_NAME_BYTES: u64 = 4;
+    /// And for a triangle, if all stars are long.
+    pub(crate) const SAVED_LONG_BYTES: u64 = 3 * 2 * 4;
 
     /// Writes all of it, but what was sealed on suspicion: where collapses are recorded, nothing is.
     pub(crate) fn save(&self, out: &mut CheckpointWriter) -> Result<(), scratch::Error> {
