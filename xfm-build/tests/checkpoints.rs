@@ -225,7 +225,7 @@ fn what_is_built_in_core_is_gone_on_with_between_rounds() {
     std::fs::remove_file(place.file()).unwrap();
     options.keep = resuming().keep;
     let mut runs = 0;
-    while build(&mesh, &place, &options, 8 + runs).is_err() {
+    while build(&mesh, &place, &options, 8 + 4 * runs).is_err() {
         assert_eq!(place.left(), ["a.log", "a.state"]);
         runs += 1;
         assert!(runs < 100);
