@@ -1,8 +1,11 @@
 //! The in-core portion of the mesh (Wu and Kobbelt 2003, §4: the part B).
 
+mod saved;
+
 use glam::Vec3;
 use qem::Quadric;
 use rayon::prelude::*;
+pub(crate) use saved::Limits;
 
 use crate::names::{Identity, Names};
 use crate::sealed::Sealed;
@@ -41,7 +44,7 @@ pub(crate) const UNRATED: f32 = 0.0;
 const STATE: u8 = 15;
 
 /// What belongs to one vertex: a cache line.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Vertex {
     /// Where it is.

@@ -49,6 +49,13 @@ pub struct Repairs {
 }
 
 impl Repairs {
+    /// What has these counts, in the order of [`counts`](Self::counts).
+    pub(crate) fn of(counts: [u64; 7]) -> Self {
+        let [non_finite, degenerate, duplicate, non_manifold, split_vertices, late, late_cracks] =
+            counts;
+        Self { non_finite, degenerate, duplicate, non_manifold, split_vertices, late, late_cracks }
+    }
+
     /// The counts with their names.
     pub fn counts(&self) -> [(&'static str, u64); 7] {
         [

@@ -399,8 +399,18 @@ impl Linked {
         observer: &mut Observer<'_>,
     ) -> Result<Numbered, Error> {
         let plan = NumberPlan::new(options.memory_bytes, &self.load())?;
-        let Self { scratch, write, names: bounds, store, mut log, sizes, counts, mut coarse, kept } =
-            self;
+        let Self {
+            scratch,
+            write,
+            names: bounds,
+            store,
+            mut log,
+            sizes,
+            counts,
+            mut coarse,
+            kept,
+            ..
+        } = self;
         let mut stores = Stores { log: store, buckets: None };
         if kept.is_some() {
             let mut options = StoreOptions::default();
