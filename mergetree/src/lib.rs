@@ -61,7 +61,7 @@ pub use front::{
     Changes, CollapseBlocked, Dependencies, Front, FrontInvalid, FrontVertex, SplitBlocked,
     UpdateLimits, UpdateStats,
 };
-pub use node::{HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
+pub use node::{Colour, HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
 pub use ranks::{RankAccount, RankError, ranks};
 pub use record::{CollapseRecord, StarBounds};
 pub use store::NodeStore;

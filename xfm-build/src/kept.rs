@@ -284,7 +284,11 @@ fn decode(bytes: &[u8]) -> Option<State> {
         log,
         sizes,
         coarse: Coarse {
-            base: BaseMesh { vertices: vertices.into_iter().map(vertex).collect(), faces },
+            base: BaseMesh {
+                vertices: vertices.into_iter().map(vertex).collect(),
+                faces,
+                colours: Vec::new(),
+            },
             face_names: face_names.into_iter().map(FaceId::new).collect(),
             roots,
             root_pages,

@@ -164,6 +164,10 @@ impl Front {
         if self.clusters.len() <= removed {
             self.clusters.resize(removed + 1, Cluster { top: None, upper: u32::MAX });
         }
+        if !self.colours.is_empty() {
+            self.colours.resize(self.mesh.vertices.len(), [u8::MAX; 4]);
+            self.colours[removed] = store.colour(id).unwrap_or([u8::MAX; 4]);
+        }
         self.clusters[removed] = Cluster { top: node.left, upper: node.order };
         self.clusters[kept as usize] = Cluster { top: node.right, upper: node.order };
         if let Some(parent) = parent {
