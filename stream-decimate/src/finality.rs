@@ -524,7 +524,8 @@ mod tests {
     #[test]
     fn a_strip_of_two() {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE];
-        let mesh = IndexedMesh { positions, triangles: vec![[0, 1, 2], [2, 1, 3]] };
+        let mesh =
+            IndexedMesh { positions, triangles: vec![[0, 1, 2], [2, 1, 3]], ..Default::default() };
         // Vertex 0 comes and goes with the first, vertex 3 with the second, the others from one to the other.
         assert_eq!(counted(&mesh, ROUND, 10), [0b111_001, 0b100_111]);
     }
@@ -532,14 +533,16 @@ mod tests {
     #[test]
     fn corners_that_are_the_same_vertex_are_tagged_alike() {
         let positions = vec![Vec3::ZERO, Vec3::X];
-        let mesh = IndexedMesh { positions, triangles: vec![[0, 1, 0], [1, 1, 1]] };
+        let mesh =
+            IndexedMesh { positions, triangles: vec![[0, 1, 0], [1, 1, 1]], ..Default::default() };
         assert_eq!(counted(&mesh, ROUND, 10), [0b111_101, 0b000_111]);
     }
 
     #[test]
     fn vertices_at_the_same_place_are_not_tagged() {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ZERO * -1.0, Vec3::ONE];
-        let mesh = IndexedMesh { positions, triangles: vec![[0, 1, 2], [3, 2, 4]] };
+        let mesh =
+            IndexedMesh { positions, triangles: vec![[0, 1, 2], [3, 2, 4]], ..Default::default() };
         assert_eq!(counted(&mesh, ROUND, 10), [0b110_010, 0b100_110]);
         // However many there are.
         let soup = IndexedMesh::from_soup(&vec![[Vec3::X, Vec3::Y, Vec3::Z]; 1000]);
@@ -553,7 +556,7 @@ mod tests {
         let n = 2 * BLOCK as u32 + 100;
         let positions = (0..=n + 1).map(|i| Vec3::new(i as f32, (i % 7) as f32, 0.0)).collect();
         let triangles = (1..=n).map(|i| [0, i, i + 1]).collect();
-        let mesh = IndexedMesh { positions, triangles };
+        let mesh = IndexedMesh { positions, triangles, ..Default::default() };
         let mut expected = vec![0b100_010; n as usize];
         expected[0] = 0b111_010;
         expected[n as usize - 1] = 0b100_111;
@@ -585,7 +588,7 @@ mod tests {
             let positions: Vec<Vec3> = places.iter().map(position).collect();
             let index = |corner: prop::sample::Index| corner.index(positions.len()) as u32;
             let triangles = corners.into_iter().map(|t| t.map(index)).collect();
-            let mesh = IndexedMesh { positions, triangles };
+            let mesh = IndexedMesh { positions, triangles, ..Default::default() };
             prop_assert_eq!(counted(&mesh, round, batch), naive(&mesh));
         }
     }

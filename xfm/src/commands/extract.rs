@@ -210,7 +210,11 @@ pub fn run(args: &ExtractArgs) -> Result<(), Error> {
         wanted => {
             let level = in_core(&file, &wanted)?;
             let error = f64::from(level.error);
-            let mesh = IndexedMesh { positions: level.positions, triangles: level.triangles };
+            let mesh = IndexedMesh {
+                positions: level.positions,
+                triangles: level.triangles,
+                ..Default::default()
+            };
             let written = write(&output, &mut &mesh, frame)?;
             Extracted::new(&&mesh, error, "in-core", written)
         }
