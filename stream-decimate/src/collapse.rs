@@ -21,7 +21,7 @@ pub use report::{CollapseReport, Collapsed, CollapsedFace, CollapsedMesh, Collap
 use crate::finality::{self, Direct, Feed};
 use crate::presort::{self, Open};
 use crate::run::with_reader;
-use crate::{Error, Observer};
+use crate::{Error, Observer, OptionsError};
 use collapser::Collapser;
 
 /// How a mesh is collapsed. The same options and the same input give the same collapses.
@@ -36,6 +36,10 @@ pub struct CollapseOptions {
     pub base_triangles: usize,
     /// Threads to use at most; the result does not depend on it. Default `None`: as many as there are cores.
     pub threads: Option<NonZeroUsize>,
+    /// How much colours count where vertices have some: a colour that is wrong by all of one component (black and red, say)
+    /// costs as much as a surface that is wrong by this share of the diagonal of the bounding box of what has been read. 0
+    /// or more; 0 is not at all. Default 0.005.
+    pub colour_weight: f32,
 }
 
 impl Default for CollapseOptions {
@@ -45,6 +49,7 @@ impl Default for CollapseOptions {
             buffer_vertices: None,
             base_triangles: 256,
             threads: None,
+            colour_weight: 0.005,
         }
     }
 }
@@ -55,6 +60,20 @@ impl CollapseOptions {
         // Where boundaries meet in a vertex, it becomes several when they are known to be boundaries.
         let vertices = self.most_vertices();
         u32::try_from(vertices + vertices / 8 + 64).unwrap_or(u32::MAX)
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// The first field that is out of its range.
+    pub fn check(&self) -> Result<(), OptionsError> {
+        if self.buffer_triangles < 64 {
+            return Err(OptionsError::Buffer(self.buffer_triangles));
+        }
+        if !(self.colour_weight >= 0.0 && self.colour_weight <= 1e6) {
+            return Err(OptionsError::ColourWeight(self.colour_weight));
+        }
+        Ok(())
     }
 
     fn most_vertices(&self) -> usize {
@@ -71,6 +90,8 @@ impl CollapseOptions {
     pub const BYTES_PER_VERTEX: u64 = 280;
     /// And for each triangle.
     pub const BYTES_PER_TRIANGLE: u64 = 24;
+    /// And for each vertex once more, where vertices have colours.
+    pub const COLOUR_BYTES_PER_VERTEX: u64 = 32;
 }
 
 /// In what order the triangles of a file are taken.
@@ -98,7 +119,7 @@ pub fn collapse<E: From<Error>>(
     tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
     observer: &mut Observer<'_>,
 ) -> Result<(CollapsedMesh, CollapseReport), E> {
-    run(&mut Direct(source), options, tell, observer)
+    run(&mut Direct::new(source), options, tell, observer)
 }
 
 /// Collapses a file, reading it in some order; scratch files lie in the folder `scratch`.
@@ -137,10 +158,10 @@ fn run<E: From<Error>>(
     tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
     observer: &mut Observer<'_>,
 ) -> Result<(CollapsedMesh, CollapseReport), E> {
-    let mut collapser = Collapser::new(options)?;
+    let mut collapser = Collapser::new(options, feed.has_colours())?;
     with_reader(feed, observer, |batch, observer| -> Result<_, E> {
-        if let Some((triangles, finality)) = batch {
-            collapser.push(triangles, finality, tell, observer)?;
+        if let Some(batch) = batch {
+            collapser.push(batch.triangles, batch.colours, batch.finality, tell, observer)?;
         }
         Ok(collapser.progress())
     })?;

@@ -14,7 +14,7 @@
 use std::ops::Range;
 
 use glam::Vec3;
-use mesh_io::{Triangle, TriangleSource};
+use mesh_io::{Colour, Triangle, TriangleSource};
 use scratch::{Scratch, ScratchFile};
 
 use crate::external::{ExternalSort, Key};
@@ -55,14 +55,45 @@ pub(crate) trait Feed: Send {
 
     /// What is known once the batch read last is taken.
     fn finality(&self) -> Finality<'_>;
+
+    /// Whether corners have colours.
+    fn has_colours(&self) -> bool;
+
+    /// The colours of the corners of the batch read last; none where corners have no colours.
+    fn colours(&self) -> &[[Colour; 3]];
 }
 
 /// A source as it is: nothing is known.
-pub(crate) struct Direct<'a>(pub(crate) &'a mut (dyn TriangleSource + Send));
+pub(crate) struct Direct<'a> {
+    source: &'a mut (dyn TriangleSource + Send),
+    numbers: Vec<[u64; 3]>,
+    colours: Vec<[Colour; 3]>,
+}
+
+impl<'a> Direct<'a> {
+    pub(crate) fn new(source: &'a mut (dyn TriangleSource + Send)) -> Self {
+        Self { source, numbers: Vec::new(), colours: Vec::new() }
+    }
+}
 
 impl Feed for Direct<'_> {
     fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
-        Ok(self.0.read(out, max)?)
+        if !self.source.has_colours() {
+            return Ok(self.source.read(out, max)?);
+        }
+        self.numbers.clear();
+        self.colours.clear();
+        let count = self.source.read_numbered(out, &mut self.numbers, max)?;
+        self.source.look_up_colours(&self.numbers, &mut self.colours);
+        Ok(count)
+    }
+
+    fn has_colours(&self) -> bool {
+        self.source.has_colours()
+    }
+
+    fn colours(&self) -> &[[Colour; 3]] {
+        &self.colours
     }
 
     fn finality(&self) -> Finality<'_> {
@@ -78,6 +109,8 @@ pub(crate) struct Counted {
     block: Block,
     /// The triangles of the block that were given last.
     given: Range<usize>,
+    /// Their colours.
+    colours: Vec<[Colour; 3]>,
 }
 
 impl Counted {
@@ -118,7 +151,8 @@ fn count_in_rounds(
     for first in (0..table.limit).step_by(round as usize) {
         table.tag(first..table.limit.min(first + round), &mut shared)?;
     }
-    Ok(Counted { source, table, next: 0, block: Block::default(), given: 0..0 })
+    let (block, colours) = (Block::default(), Vec::new());
+    Ok(Counted { source, table, next: 0, block, given: 0..0, colours })
 }
 
 impl Feed for Counted {
@@ -134,7 +168,17 @@ impl Feed for Counted {
         let numbers = self.block.numbers[start..stop].iter();
         let numbers: Vec<[u64; 3]> = numbers.map(|triangle| triangle.map(u64::from)).collect();
         self.source.look_up(&numbers, out);
+        self.colours.clear();
+        self.source.look_up_colours(&numbers, &mut self.colours);
         Ok(numbers.len())
+    }
+
+    fn has_colours(&self) -> bool {
+        self.source.has_colours()
+    }
+
+    fn colours(&self) -> &[[Colour; 3]] {
+        &self.colours
     }
 
     fn finality(&self) -> Finality<'_> {

@@ -64,6 +64,7 @@ mod missed;
 mod names;
 mod new_star;
 mod options;
+mod paint;
 mod portion;
 mod presort;
 mod progress;

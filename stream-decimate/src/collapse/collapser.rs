@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use halfedge::{FaceId, VertexId};
-use mesh_io::Triangle;
+use mesh_io::{Colour, Triangle};
 use rayon::ThreadPool;
 
 use crate::collapse::round::Rounds;
@@ -15,7 +15,7 @@ use crate::insert::Inserter;
 use crate::portion::{Portion, state};
 use crate::reorder::reorder;
 use crate::sealed::Sealed;
-use crate::{Error, Observer, OptionsError, Progress};
+use crate::{Error, Observer, Progress};
 
 /// Takes triangles, and tells collapses.
 #[derive(Debug)]
@@ -24,6 +24,8 @@ pub(crate) struct Collapser {
     most_vertices: usize,
     num_vertex_names: usize,
     base_triangles: usize,
+    /// How much colours count.
+    colour_weight: f32,
     pool: ThreadPool,
     portion: Portion,
     inserter: Inserter,
@@ -36,11 +38,10 @@ pub(crate) struct Collapser {
 }
 
 impl Collapser {
-    pub(crate) fn new(options: &CollapseOptions) -> Result<Self, Error> {
+    /// For triangles whose corners have colours, or for others.
+    pub(crate) fn new(options: &CollapseOptions, has_colours: bool) -> Result<Self, Error> {
+        options.check()?;
         let capacity = options.buffer_triangles;
-        if capacity < 64 {
-            return Err(OptionsError::Buffer(capacity).into());
-        }
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(options.threads.map_or(0, |n| n.get()))
             .build()
@@ -48,6 +49,9 @@ impl Collapser {
         // Memory that is not used is none.
         let mut portion = Portion::with_names(capacity * 9 / 16);
         portion.sealed = Sealed::default();
+        if has_colours {
+            portion = portion.with_colours();
+        }
         let mut inserter = Inserter::default();
         inserter.begin(&mut portion, capacity.min(1 << 20) / 2);
         Ok(Self {
@@ -55,6 +59,7 @@ impl Collapser {
             most_vertices: options.most_vertices(),
             num_vertex_names: options.num_vertex_names() as usize,
             base_triangles: options.base_triangles,
+            colour_weight: options.colour_weight,
             pool,
             portion,
             inserter,
@@ -70,6 +75,7 @@ impl Collapser {
     pub(crate) fn push<E: From<Error>>(
         &mut self,
         triangles: &[Triangle],
+        colours: &[[Colour; 3]],
         finality: Finality<'_>,
         tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
         observer: &mut Observer<'_>,
@@ -88,7 +94,9 @@ impl Collapser {
             }
             let end = triangles.len().min(at + room);
             let last = last.get(at..end).unwrap_or_default();
-            self.inserter.insert_all(&mut self.portion, &triangles[at..end], last, self.read);
+            let colours = colours.get(at..end).unwrap_or_default();
+            let triangles = &triangles[at..end];
+            self.inserter.insert_all(&mut self.portion, triangles, colours, last, self.read);
             self.read += (end - at) as u64;
             at = end;
         }
@@ -131,9 +139,10 @@ impl Collapser {
         tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
         observer: &mut Observer<'_>,
     ) -> Result<(), E> {
-        let Self { portion, pool, rounds, done, .. } = self;
+        let Self { portion, pool, rounds, done, colour_weight, .. } = self;
         portion.settle();
         pool.install(|| reorder(portion));
+        portion.scale_colours(*colour_weight);
         while portion.num_triangles() > goal {
             if 2 * portion.num_vertices() < portion.num_slots() {
                 portion.compact();
@@ -195,6 +204,7 @@ impl Collapser {
                 name: name(v),
                 position: portion.position(v),
                 normal: portion.identities[v as usize].normal.normalize_or_zero(),
+                colour: portion.paints.get(v as usize).map(|paint| paint.colour),
             });
             let fans = portion.stars.fans(v);
             let tags = portion.stars.tags(v).iter().enumerate();
@@ -231,6 +241,16 @@ mod tests {
     use super::*;
     use crate::messy::sheet;
 
+    /// A colour that tells where it belongs.
+    fn colour_at(p: glam::Vec3) -> Colour {
+        let [a, b, c, d] = (p + glam::Vec3::ZERO)
+            .to_array()
+            .iter()
+            .fold(7u32, |hash, c| (hash ^ c.to_bits()).wrapping_mul(0x9e37_79b1).rotate_left(9))
+            .to_le_bytes();
+        [a, b, c, d]
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..Default::default() })]
 
@@ -240,14 +260,16 @@ mod tests {
             holes in 3usize..50,
             mess in prop::collection::vec(any::<usize>(), 0..40),
             buffer in 200usize..2000,
+            coloured: bool,
         ) {
             let mut options = CollapseOptions::default();
             (options.buffer_triangles, options.base_triangles) = (buffer, 4);
-            let mut collapser = Collapser::new(&options).unwrap();
+            let mut collapser = Collapser::new(&options, coloured).unwrap();
             let (mut vertices, mut faces) = (0u64, 0u64);
             let mut count = |collapse: &Collapsed| {
                 vertices += 1;
                 faces += 1 + u64::from(collapse.reverse.is_some());
+                assert_eq!(collapse.colour, coloured.then(|| colour_at(collapse.position)));
                 assert!(collapse.removed.get() < options.num_vertex_names());
                 assert!(collapse.half_edge.face().get() < options.num_face_names());
                 Ok::<(), Error>(())
@@ -255,7 +277,9 @@ mod tests {
             let go_on = &mut |_: &Progress| ControlFlow::Continue(());
             let input = sheet(rows, holes, &mess);
             for batch in input.chunks(50) {
-                match collapser.push(batch, Finality::Unknown, &mut count, go_on) {
+                let colours: Vec<_> = batch.iter().map(|t| t.map(colour_at)).collect();
+                let colours = if coloured { &colours[..] } else { &[] };
+                match collapser.push(batch, colours, Finality::Unknown, &mut count, go_on) {
                     Ok(()) => {}
                     Err(Error::Unsorted { .. }) => return Ok(()),
                     Err(error) => panic!("{error}"),
@@ -272,6 +296,10 @@ mod tests {
             let left_out = repaired.non_finite + repaired.degenerate + repaired.duplicate;
             prop_assert_eq!(report.input_triangles, input.len() as u64);
             prop_assert_eq!(faces + rest.faces.len() as u64 + left_out, report.input_triangles);
+            prop_assert_eq!(repaired.recoloured, 0);
+            for vertex in &rest.vertices {
+                prop_assert_eq!(vertex.colour, coloured.then(|| colour_at(vertex.position)));
+            }
             let names: HashSet<_> = rest.vertices.iter().map(|vertex| vertex.name).collect();
             prop_assert_eq!(names.len(), rest.vertices.len());
             prop_assert!(rest.faces.iter().flat_map(|face| face.corners).all(|v| names.contains(&v)));
