@@ -15,13 +15,13 @@ use std::path::{Path, PathBuf};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use halfedge::FaceId;
-use mergetree::{BaseMesh, BaseVertex, OctNormal};
+use mergetree::{BaseMesh, BaseVertex, Colour, OctNormal};
 use scratch::{SavedChunk, SavedSpool, Scratch, Spool, Store};
 use xfm_format::WriteOptions;
 
 use crate::coarse::{Coarse, CoarseRoot};
 use crate::link::{Counts, Linked};
-use crate::log::PageSize;
+use crate::log::{LoggedColour, PageSize};
 use crate::names::NameBounds;
 use crate::{Error, StateProblem};
 
@@ -87,7 +87,12 @@ impl Kept {
         let log = linked.log.save(&mut linked.store)?;
         let sizes = linked.sizes.save(&mut linked.store)?;
         linked.store.sync()?;
-        let bytes = encode(&self.keep.identity, linked, &log, &sizes);
+        let colours = match &mut linked.colours {
+            Some(colours) => colours.save(&mut linked.store)?,
+            None => SavedSpool::default(),
+        };
+        linked.store.sync()?;
+        let bytes = encode(&self.keep.identity, linked, [&log, &sizes, &colours]);
         let path = self.keep.state_path(&self.scratch);
         write_whole(&path, &bytes)
             .map_err(|error| Error::State { file: path, problem: error.into() })?;
@@ -143,7 +148,15 @@ impl Linked {
             Store::open_kept(scratch, &keep.log_name(), chunk_bytes, state.fixed.num_chunks)?;
         let (log, sizes) =
             (Spool::restore(&store, &state.log)?, Spool::restore(&store, &state.sizes)?);
-        if log.len() != state.fixed.nodes {
+        let colours = match state.coarse.base.colours.is_empty() {
+            true => None,
+            false => Some(Spool::restore(&store, &state.colours)?),
+        };
+        if log.len() != state.fixed.nodes
+            || colours
+                .as_ref()
+                .is_some_and(|colours: &Spool<LoggedColour>| colours.len() != log.len())
+        {
             return Err(fail(StateProblem::Damaged));
         }
         Ok(Some(Self {
@@ -153,6 +166,7 @@ impl Linked {
             store,
             log,
             sizes,
+            colours,
             counts: state.fixed.counts(),
             coarse: state.coarse,
             kept: Some(Kept { scratch: scratch.clone(), keep: keep.clone(), is_whole: true }),
@@ -160,7 +174,7 @@ impl Linked {
     }
 }
 
-const MAGIC: [u8; 8] = *b"XFMLINK1";
+const MAGIC: [u8; 8] = *b"XFMLINK2";
 
 /// All of a state that has always the same size.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -205,12 +219,13 @@ struct State {
     fixed: Fixed,
     log: SavedSpool,
     sizes: SavedSpool,
+    colours: SavedSpool,
     coarse: Coarse,
 }
 
 /// The parts one after another, each with its length before; the checksum of all at the end. In the machine's own byte order:
 /// what lies in the log is too.
-fn encode(identity: &[u8], linked: &Linked, log: &SavedSpool, sizes: &SavedSpool) -> Vec<u8> {
+fn encode(identity: &[u8], linked: &Linked, spools: [&SavedSpool; 3]) -> Vec<u8> {
     let Linked { counts, coarse, names, store, write, .. } = linked;
     let fixed = Fixed {
         nodes: counts.nodes,
@@ -236,9 +251,11 @@ fn encode(identity: &[u8], linked: &Linked, log: &SavedSpool, sizes: &SavedSpool
     };
     part(identity);
     part(bytemuck::bytes_of(&fixed));
-    part(bytemuck::cast_slice(&log.chunks));
-    part(bytemuck::cast_slice(&sizes.chunks));
+    for spool in spools {
+        part(bytemuck::cast_slice(&spool.chunks));
+    }
     part(bytemuck::cast_slice(&vertices));
+    part(bytemuck::cast_slice(&coarse.base.colours));
     part(bytemuck::cast_slice(&coarse.base.faces));
     part(bytemuck::cast_slice(&face_names));
     part(bytemuck::cast_slice(&coarse.roots));
@@ -258,12 +275,15 @@ fn decode(bytes: &[u8]) -> Option<State> {
     let [fixed] = parts.items::<Fixed>()?.try_into().ok()?;
     let log = SavedSpool { chunks: parts.items::<SavedChunk>()? };
     let sizes = SavedSpool { chunks: parts.items::<SavedChunk>()? };
+    let saved_colours = SavedSpool { chunks: parts.items::<SavedChunk>()? };
     let vertices = parts.items::<SavedVertex>()?;
+    let colours = parts.items::<Colour>()?;
     let faces = parts.items::<[u32; 3]>()?;
     let face_names = parts.items::<u32>()?;
     let roots = parts.items::<CoarseRoot>()?;
     let root_pages = parts.items::<PageSize>()?;
     let sound = parts.0.is_empty()
+        && (colours.is_empty() || colours.len() == vertices.len())
         && face_names.len() == faces.len()
         && face_names.iter().all(|&name| name < fixed.face_names)
         && faces.iter().flatten().all(|&v| (v as usize) < vertices.len())
@@ -283,12 +303,9 @@ fn decode(bytes: &[u8]) -> Option<State> {
         fixed,
         log,
         sizes,
+        colours: saved_colours,
         coarse: Coarse {
-            base: BaseMesh {
-                vertices: vertices.into_iter().map(vertex).collect(),
-                faces,
-                colours: Vec::new(),
-            },
+            base: BaseMesh { vertices: vertices.into_iter().map(vertex).collect(), faces, colours },
             face_names: face_names.into_iter().map(FaceId::new).collect(),
             roots,
             root_pages,

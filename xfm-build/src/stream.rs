@@ -25,6 +25,8 @@ const ALWAYS: u64 = 40 << 20;
 const LINK_TABLES: u64 = 41;
 /// Memory for the log per triangle, in bytes, where it is to stay in memory: half a node.
 const LOG: u64 = 28;
+/// And so much more of it where vertices have colours.
+const LOG_COLOUR: u64 = 2;
 /// Share of the memory that goes to the buffer and the tables that go with it, in streaming, in percent.
 const BUFFER_SHARE: u64 = 66;
 /// Buffers are not smaller than this, in triangles.
@@ -66,6 +68,10 @@ pub struct MeshOptions {
     pub write: WriteOptions,
     /// Where the log is kept for a later run. Default `None`.
     pub keep: Option<Keep>,
+    /// Whether vertices have colours, which take some memory; [`build_mesh`] finds that out by itself. Default no.
+    pub colours: bool,
+    /// How much colours count in the order of collapses; see [`CollapseOptions::colour_weight`]. Default as there.
+    pub colour_weight: f32,
 }
 
 impl Default for MeshOptions {
@@ -77,6 +83,8 @@ impl Default for MeshOptions {
             threads: None,
             write: WriteOptions::default(),
             keep: None,
+            colours: false,
+            colour_weight: CollapseOptions::default().colour_weight,
         }
     }
 }
@@ -98,10 +106,11 @@ pub struct MemoryPlan {
 }
 
 impl MeshOptions {
-    /// Memory that so many triangles take in core, in bytes, with some more vertices than a closed mesh has.
-    pub fn in_core_bytes(triangles: u64) -> u64 {
-        let log = triangles.saturating_mul(LOG);
-        buffer_bytes(triangles, triangles / 8 * 5)
+    /// Memory that so many triangles take in core, in bytes, with some more vertices than a closed mesh has, with
+    /// [colours](Self::colours) or without.
+    pub fn in_core_bytes(&self, triangles: u64) -> u64 {
+        let log = triangles.saturating_mul(LOG + if self.colours { LOG_COLOUR } else { 0 });
+        buffer_bytes(triangles, triangles / 8 * 5, self.colours)
             .saturating_add(log)
             .saturating_add(ALWAYS + (4 << 20))
     }
@@ -109,16 +118,18 @@ impl MeshOptions {
     /// What the memory is spent on.
     pub fn plan(&self) -> MemoryPlan {
         let rest = self.memory_bytes.saturating_sub(ALWAYS);
-        let in_core = |&triangles: &u64| Self::in_core_bytes(triangles) <= self.memory_bytes;
+        let colours = self.colours;
+        let log = LOG + if colours { LOG_COLOUR } else { 0 };
+        let in_core = |&triangles: &u64| self.in_core_bytes(triangles) <= self.memory_bytes;
         let fits = self.expected_triangles.filter(in_core);
         let mode = self.mode.unwrap_or(if fits.is_some() { Mode::InCore } else { Mode::Streaming });
         // Triangles of a closed mesh, and half as many again of its vertices.
-        let per_triangle = buffer_bytes(4, 3) / 4;
+        let per_triangle = buffer_bytes(4, 3, colours) / 4;
         let most = (rest / 100 * BUFFER_SHARE / per_triangle).clamp(LEAST_BUFFER, MOST_BUFFER);
         let buffer = match (mode, self.expected_triangles) {
             (Mode::InCore, Some(triangles)) => triangles.saturating_add(64),
             // Of unknown length: as much as there may be.
-            (Mode::InCore, None) => rest / (per_triangle + LOG),
+            (Mode::InCore, None) => rest / (per_triangle + log),
             (Mode::Streaming, Some(triangles)) => most.min(triangles.saturating_add(64)),
             (Mode::Streaming, None) => most,
         };
@@ -128,13 +139,14 @@ impl MeshOptions {
             // There may be three of a triangle, but no more than there is memory for.
             Mode::InCore => {
                 let for_vertices =
-                    rest.saturating_sub(buffer_bytes(triangles, 0) + triangles * LOG);
-                let each = buffer_bytes(0, 1);
+                    rest.saturating_sub(buffer_bytes(triangles, 0, colours) + triangles * log);
+                let each = buffer_bytes(0, 1, colours);
                 (for_vertices / each).clamp(triangles / 2 + 64, triangles.saturating_mul(3))
             }
         };
         let tables = vertices.saturating_mul(LINK_TABLES) + triangles / 8 + (4 << 20);
-        let taken = buffer_bytes(triangles, vertices) - vertices.saturating_mul(LINK_TABLES);
+        let taken =
+            buffer_bytes(triangles, vertices, colours) - vertices.saturating_mul(LINK_TABLES);
         MemoryPlan {
             mode,
             buffer_triangles: triangles as usize,
@@ -147,10 +159,11 @@ impl MeshOptions {
 }
 
 /// Memory that a buffer takes with the tables of the linker, in bytes.
-fn buffer_bytes(triangles: u64, vertices: u64) -> u64 {
+fn buffer_bytes(triangles: u64, vertices: u64, colours: bool) -> u64 {
     let of_triangles = triangles.saturating_mul(CollapseOptions::BYTES_PER_TRIANGLE);
-    of_triangles
-        .saturating_add(vertices.saturating_mul(CollapseOptions::BYTES_PER_VERTEX + LINK_TABLES))
+    let colour = if colours { CollapseOptions::COLOUR_BYTES_PER_VERTEX } else { 0 };
+    let of_vertex = CollapseOptions::BYTES_PER_VERTEX + LINK_TABLES + colour;
+    of_triangles.saturating_add(vertices.saturating_mul(of_vertex))
 }
 
 /// What came of it.
@@ -200,24 +213,35 @@ pub enum MeshProgress {
 /// # Errors
 /// Those of reading, collapsing, linking, numbering and writing; nothing is left then.
 pub fn build_mesh(
-    input: Input<'_>,
+    mut input: Input<'_>,
     path: &Path,
     scratch: &Path,
     options: &MeshOptions,
     observer: &mut dyn FnMut(MeshProgress) -> ControlFlow<()>,
 ) -> Result<MeshReport, MeshError> {
+    let mut numbered = false;
+    let mut options = options.clone();
+    options.colours = match &mut input {
+        Input::Pipe(source) => source.has_colours(),
+        Input::File(open) => {
+            let source = open().map_err(stream_decimate::Error::from)?;
+            numbered = source.has_vertex_numbers();
+            source.has_colours()
+        }
+    };
+    let options = &options;
     let plan = options.plan();
     let mut collapse_options = CollapseOptions::default();
     collapse_options.buffer_triangles = plan.buffer_triangles;
     collapse_options.buffer_vertices = Some(plan.buffer_vertices);
     collapse_options.threads = options.threads;
+    collapse_options.colour_weight = options.colour_weight;
     let mut line = Line { path, scratch, options, plan, collapse_options };
     match input {
         Input::Pipe(source) => line.build(ReadOrder::AsIs, observer, |options, tell, observer| {
             collapse(source, options, tell, observer)
         }),
         Input::File(open) => {
-            let numbered = open().map_err(stream_decimate::Error::from)?.has_vertex_numbers();
             let orders = [ReadOrder::AsIs, ReadOrder::Counted, ReadOrder::Sorted];
             let mut orders = orders.into_iter().filter(|&o| numbered || o != ReadOrder::Counted);
             let mut order = ReadOrder::AsIs;
@@ -267,6 +291,7 @@ impl Line<'_> {
         });
         link.memory_bytes = self.plan.link_bytes.max(link.least_memory_bytes());
         link.write = self.options.write.clone();
+        link.colours = self.options.colours;
         let mut build_options = BuildOptions::new(link);
         build_options.number = NumberOptions { memory_bytes: self.plan.number_bytes };
         build_options.expected_nodes = self.options.expected_triangles.map(|count| count / 2);
@@ -276,7 +301,7 @@ impl Line<'_> {
         let feed = |feed: &mut Feed| -> Result<CoarseMesh, MeshError> {
             let mut tell = |collapse: &Collapsed| -> Result<(), MeshError> {
                 let (record, normal) = record_of(collapse);
-                Ok(feed.push(&record, collapse.position, normal)?)
+                Ok(feed.push_with(&record, collapse.position, normal, collapse.colour)?)
             };
             let mut told = |progress: &stream_decimate::Progress| {
                 (observer.borrow_mut())(MeshProgress::Collapse(*progress))
@@ -326,5 +351,6 @@ fn coarse_mesh(rest: &CollapsedMesh) -> CoarseMesh {
     CoarseMesh {
         vertices: rest.vertices.iter().map(vertex).collect(),
         faces: rest.faces.iter().map(face).collect(),
+        colours: rest.vertices.iter().filter_map(|v| v.colour).collect(),
     }
 }
