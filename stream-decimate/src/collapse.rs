@@ -36,9 +36,9 @@ pub struct CollapseOptions {
     pub base_triangles: usize,
     /// Threads to use at most; the result does not depend on it. Default `None`: as many as there are cores.
     pub threads: Option<NonZeroUsize>,
-    /// How much colours count where vertices have some: a colour that is wrong by all of one component (black and red, say)
-    /// costs as much as a surface that is wrong by this share of the diagonal of the bounding box of what has been read. 0
-    /// or more; 0 is not at all. Default 0.005.
+    /// How much colours count where vertices have some: a colour that is wrong by all of one component (red where there was
+    /// black) costs as much as a surface that is wrong by this share of the diagonal of the bounding box of what has been
+    /// read. 0 or more; 0 is not at all. Default 0.002.
     pub colour_weight: f32,
 }
 
@@ -49,7 +49,7 @@ impl Default for CollapseOptions {
             buffer_vertices: None,
             base_triangles: 256,
             threads: None,
-            colour_weight: 0.005,
+            colour_weight: 0.002,
         }
     }
 }
@@ -91,7 +91,7 @@ impl CollapseOptions {
     /// And for each triangle.
     pub const BYTES_PER_TRIANGLE: u64 = 24;
     /// And for each vertex once more, where vertices have colours.
-    pub const COLOUR_BYTES_PER_VERTEX: u64 = 32;
+    pub const COLOUR_BYTES_PER_VERTEX: u64 = 10;
 }
 
 /// In what order the triangles of a file are taken.

@@ -294,7 +294,8 @@ impl Inserter {
         for vertex in [v, other] {
             let mut quadric = Quadric::default();
             let mut normal = Vec3::ZERO;
-            let mut paint = portion.paints.get(vertex as usize).copied().map(Paint::without_area);
+            let mut paint =
+                portion.paints.get(vertex as usize).map(|paint| Paint::new(paint.colour));
             for (a, b) in portion.stars.fans(vertex).triangles() {
                 let [a, b] = [a, b].map(|x| portion.position(x) - position);
                 quadric.merge(&Quadric::from_triangle([Vec3::ZERO, a, b]));

@@ -6,7 +6,7 @@ use qem::Quadric;
 use rayon::prelude::*;
 
 use crate::names::{Identity, Names};
-use crate::paint::Paint;
+use crate::paint::{self, Paint};
 use crate::sealed::Sealed;
 use crate::star::{StarSlice, Stars};
 
@@ -147,17 +147,21 @@ impl Window<'_> {
     }
 
     /// What collapsing `v` into `u` costs because of their colours; only where that [counts](Self::has_colour_costs).
-    #[inline]
     pub(crate) fn colour_cost(&self, v: u32, u: u32) -> f32 {
-        let [from, to] = [v, u].map(|x| &self.paints[(x - self.base) as usize]);
-        self.colour_scale * (from.error_as(to.colour) + to.error())
+        self.colour_scale * paint::error(self, v, u)
+    }
+
+    /// The paint of a vertex; only where vertices have colours.
+    #[inline]
+    pub(crate) fn paint(&self, v: u32) -> &Paint {
+        &self.paints[(v - self.base) as usize]
     }
 
     /// Gives `u` what `v` stands for, if vertices have colours.
     pub(crate) fn take_paint(&mut self, v: u32, u: u32) {
         let from = self.paints.get((v - self.base) as usize).copied();
         if let (Some(from), Some(to)) = (from, self.paints.get_mut((u - self.base) as usize)) {
-            to.take(&from);
+            to.add_area(from.area);
         }
     }
 

@@ -61,6 +61,10 @@ pub struct BuildArgs {
     /// How far compact may move vertices: a share of the bounding box's diagonal, or in model units with a u, like 0.05u
     #[arg(long, value_name = "SHARE", default_value = "2e-4", value_parser = values::position_error)]
     position_error: PositionError,
+    /// How much colours of vertices count: one wrong by all of a component as much as a surface wrong by this share of the
+    /// bounding box's diagonal; 0 is not at all
+    #[arg(long, value_name = "W", default_value = "0.002", value_parser = values::weight)]
+    colour_weight: f32,
     /// Format of the input where its name does not tell: stl, ply, obj, gltf, glb
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     from: Option<Format>,
@@ -133,15 +137,17 @@ impl BuildArgs {
             _ => None,
         };
         let expected = plan::expected_triangles(input, &self.input)?;
+        let colours = input.is_file() && input.open()?.has_colours();
         let scratch = scratch_folder(self.scratch.as_deref(), || scratch_beside(&self.output))?;
-        Ok(Plan::new(expected, self.memory, forced, scratch))
+        Ok(Plan::new(expected, self.memory, forced, scratch).with_colours(colours, forced))
     }
 }
 
 fn build(args: &BuildArgs, input: &Input, plan: &Plan) -> Result<Built, Error> {
     let (path, output, write) = (&args.input, &args.output, args.write_options());
-    let (resume, threads) = (args.resume, args.threads);
-    mesh::build(&mesh::Request { input, path, output, write, threads, resume }, plan)
+    let (resume, threads, colour_weight) = (args.resume, args.threads, args.colour_weight);
+    let request = mesh::Request { input, path, output, write, colour_weight, threads, resume };
+    mesh::build(&request, plan)
 }
 
 /// How a file of a mesh in this frame is written.

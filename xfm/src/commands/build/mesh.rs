@@ -36,6 +36,8 @@ pub struct Request<'a> {
     pub output: &'a Path,
     /// How the file is written, whatever its frame.
     pub write: WriteOptions,
+    /// How much colours count.
+    pub colour_weight: f32,
     /// Threads to use at most.
     pub threads: Option<NonZeroUsize>,
     /// Whether the log is kept for a later run, and that of an earlier run gone on with.
@@ -56,6 +58,7 @@ pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
     let mut options = plan.options();
     options.keep = request.resume.then(|| keep(request));
     options.threads = request.threads;
+    options.colour_weight = request.colour_weight;
     let mut bars = Bars::default();
     let mut observer = |progress: MeshProgress| bars.show(progress, plan.expected_triangles);
     let input = request.input;
@@ -176,9 +179,10 @@ fn keep(request: &Request<'_>) -> Keep {
     });
     let name = request.path.canonicalize().unwrap_or_else(|_| request.path.to_owned());
     let identity = format!(
-        "{}\n{length}\n{seconds}\n{:?}\n{}",
+        "{}\n{length}\n{seconds}\n{:?}\n{}\n{}",
         name.display(),
         request.write,
+        request.colour_weight,
         env!("CARGO_PKG_VERSION")
     );
     Keep { name: KEPT.to_owned(), identity: identity.into_bytes() }
