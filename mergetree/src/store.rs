@@ -23,6 +23,12 @@ pub trait NodeStore {
     /// is resident now; if not, it may be in a later frame, or never when it cannot be read.
     fn request(&mut self, id: NodeId, urgency: f32) -> bool;
 
+    /// Whether a node that is not resident never will be: its page is damaged. The front then goes on without it, and what
+    /// is around it is refined all the same, as far as connectivity allows.
+    fn is_lost(&self, _id: NodeId) -> bool {
+        false
+    }
+
     /// Notes where the front keeps a node that was split, or with `None` that it was collapsed.
     ///
     /// # Panics

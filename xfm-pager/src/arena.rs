@@ -74,6 +74,11 @@ impl Arena {
         self.longest.iter().position(|&longest| usize::from(longest) >= length)
     }
 
+    /// Whether a run of this length would get a place in a chunk before the one of `at`.
+    pub fn fits_before(&self, at: u32, length: usize) -> bool {
+        self.find(length).is_some_and(|chunk| chunk < at as usize / CHUNK_NODES)
+    }
+
     /// Stores a run of nodes, at most 31, and says where.
     pub fn insert(&mut self, nodes: &[Node]) -> u32 {
         debug_assert!((1..=MAX_RUN).contains(&nodes.len()));

@@ -71,7 +71,7 @@ pub fn extract<S: NodeStore>(
             Wanted::Pixels(view, pixels) => {
                 let view = view.inside_out(inside_out);
                 let limits = UpdateLimits::with_tolerance(pixels);
-                front.update(store, |node| view.error_px(node), &limits)
+                front.update_view(store, &view, &limits)
             }
         };
         if stats.waiting == 0 || !settle(store) {
