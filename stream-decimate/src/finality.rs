@@ -56,9 +56,6 @@ pub(crate) trait Feed: Send {
     /// What is known once the batch read last is taken.
     fn finality(&self) -> Finality<'_>;
 
-    /// Whether corners have colours.
-    fn has_colours(&self) -> bool;
-
     /// The colours of the corners of the batch read last; none where corners have no colours.
     fn colours(&self) -> &[[Colour; 3]];
 }
@@ -86,10 +83,6 @@ impl Feed for Direct<'_> {
         let count = self.source.read_numbered(out, &mut self.numbers, max)?;
         self.source.look_up_colours(&self.numbers, &mut self.colours);
         Ok(count)
-    }
-
-    fn has_colours(&self) -> bool {
-        self.source.has_colours()
     }
 
     fn colours(&self) -> &[[Colour; 3]] {
@@ -171,10 +164,6 @@ impl Feed for Counted {
         self.colours.clear();
         self.source.look_up_colours(&numbers, &mut self.colours);
         Ok(numbers.len())
-    }
-
-    fn has_colours(&self) -> bool {
-        self.source.has_colours()
     }
 
     fn colours(&self) -> &[[Colour; 3]] {

@@ -80,8 +80,8 @@ mod write;
 
 pub use cluster::decimate_clustered;
 pub use collapse::{
-    CollapseOptions, CollapseReport, Collapsed, CollapsedFace, CollapsedMesh, CollapsedVertex,
-    ReadOrder, collapse, collapse_file,
+    CollapseOptions, CollapseReport, CollapseState, Collapsed, CollapsedFace, CollapsedMesh,
+    CollapsedVertex, Collapsing, ReadOrder, Recorder, check_input, collapse, collapse_file,
 };
 pub use decimator::StreamDecimator;
 pub use error::Error;

@@ -1,9 +1,12 @@
 //! The in-core portion of the mesh (Wu and Kobbelt 2003, §4: the part B).
 
+mod saved;
+
 use glam::Vec3;
 use mesh_io::Colour;
 use qem::Quadric;
 use rayon::prelude::*;
+pub(crate) use saved::Limits;
 
 use crate::names::{Identity, Names};
 use crate::paint::{self, Paint};
@@ -43,7 +46,7 @@ pub(crate) const UNRATED: f32 = 0.0;
 const STATE: u8 = 15;
 
 /// What belongs to one vertex: a cache line.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Vertex {
     /// Where it is.

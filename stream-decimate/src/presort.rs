@@ -138,10 +138,6 @@ impl Feed for Presorted {
         }
     }
 
-    fn has_colours(&self) -> bool {
-        matches!(self.sorted, Order::Coloured { .. })
-    }
-
     fn colours(&self) -> &[[Colour; 3]] {
         &self.colours
     }

@@ -51,6 +51,30 @@ pub struct Repairs {
 }
 
 impl Repairs {
+    /// What has these counts, in the order of [`counts`](Self::counts).
+    pub(crate) fn of(counts: [u64; 8]) -> Self {
+        let [
+            non_finite,
+            degenerate,
+            duplicate,
+            non_manifold,
+            split_vertices,
+            late,
+            late_cracks,
+            recoloured,
+        ] = counts;
+        Self {
+            non_finite,
+            degenerate,
+            duplicate,
+            non_manifold,
+            split_vertices,
+            late,
+            late_cracks,
+            recoloured,
+        }
+    }
+
     /// The counts with their names.
     pub fn counts(&self) -> [(&'static str, u64); 8] {
         [

@@ -15,7 +15,7 @@ use crate::presort::{self, Open};
 use crate::{DecimateOptions, DecimateReport, Error, Observer, Progress};
 
 /// Triangles that go from thread to thread at a time.
-const BATCH: usize = 1 << 12;
+pub(crate) const BATCH: usize = 1 << 12;
 /// Batches under way at most, in either direction.
 const UNDER_WAY: usize = 3;
 /// How often the observer is told.
@@ -150,7 +150,7 @@ pub(crate) struct Arrived<'a> {
 
 /// [`Finality`], to be sent.
 #[derive(Debug, Default)]
-enum Known {
+pub(crate) enum Known {
     #[default]
     Nothing,
     Corners(Vec<u8>),
@@ -161,7 +161,7 @@ enum Known {
 }
 
 impl Known {
-    fn new(finality: Finality<'_>) -> Self {
+    pub(crate) fn new(finality: Finality<'_>) -> Self {
         match finality {
             Finality::Unknown => Self::Nothing,
             Finality::Corners(tags) => Self::Corners(tags.to_vec()),
@@ -169,7 +169,7 @@ impl Known {
         }
     }
 
-    fn finality(&self) -> Finality<'_> {
+    pub(crate) fn finality(&self) -> Finality<'_> {
         match self {
             Self::Nothing => Finality::Unknown,
             Self::Corners(tags) => Finality::Corners(tags),

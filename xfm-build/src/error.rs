@@ -139,13 +139,24 @@ pub enum CoarseProblem {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StateProblem {
-    /// The file cannot be read or written.
+    /// The file cannot be read.
     #[error("{0}")]
     Io(#[from] std::io::Error),
-    /// It is not such a file, or a damaged one, or from another version of the program.
-    #[error("is damaged or from another version; begin again without it")]
-    Damaged,
+    /// It is not such a file, or a damaged one, or from another version of the program: this cannot be right.
+    #[error("is damaged or from another version ({0} cannot be right); begin again without it")]
+    Damaged(&'static str),
     /// It is about another input or other options.
     #[error("belongs to another input or to other options; begin again without it")]
     Other,
+}
+
+impl From<scratch::CheckpointError> for StateProblem {
+    fn from(error: scratch::CheckpointError) -> Self {
+        use scratch::CheckpointError;
+        match error {
+            CheckpointError::Io(error) => Self::Io(error),
+            CheckpointError::Damaged(what) => Self::Damaged(what),
+            _ => Self::Other,
+        }
+    }
 }

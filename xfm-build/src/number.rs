@@ -414,8 +414,19 @@ impl Linked {
         observer: &mut Observer<'_>,
     ) -> Result<Numbered, Error> {
         let plan = NumberPlan::new(options.memory_bytes, &self.load())?;
-        let Self { scratch, write, names: bounds, store, mut log, sizes, colours, .. } = self;
-        let (counts, mut coarse, kept) = (self.counts, self.coarse, self.kept);
+        let Self {
+            scratch,
+            write,
+            names: bounds,
+            store,
+            mut log,
+            sizes,
+            colours,
+            counts,
+            mut coarse,
+            kept,
+            ..
+        } = self;
         let mut stores = Stores { log: store, buckets: None };
         if kept.is_some() {
             let mut options = StoreOptions::default();

@@ -131,6 +131,12 @@ impl LinkPlan {
     }
 }
 
+/// What a checkpoint takes for names below these, beside a list of 12 bytes per chunk of the log and what the one who
+/// collapses adds.
+pub(crate) fn checkpoint_bytes(names: NameBounds) -> u64 {
+    (1 << 20) + TOP_BYTES * u64::from(names.vertices)
+}
+
 /// Memory while numbering and writing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct NumberPlan {

@@ -1,5 +1,7 @@
 //! Values on the command line: sizes, points, image sizes, positive numbers, formats.
 
+use std::time::Duration;
+
 use glam::DVec3;
 use mesh_io::Format;
 use xfm_format::PositionError;
@@ -59,6 +61,16 @@ pub fn position_error(text: &str) -> Result<PositionError, String> {
         Ok(number) if number > 0.0 && number < 1e29 => Ok(of(number)),
         _ => Err(EXAMPLE.to_owned()),
     }
+}
+
+/// Reads a time in seconds.
+///
+/// # Errors
+///
+/// What is wrong with the text, and an example of what would be right.
+pub fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.ok_or_else(|| "a time is a number of seconds, like 600 or 0.5".to_owned())
 }
 
 /// Reads a point, `X,Y,Z`.
@@ -235,6 +247,10 @@ mod tests {
         assert_eq!(field_of_view("60"), Ok(60.0));
         for text in ["0", "180", "-3", "x"] {
             assert!(field_of_view(text).is_err(), "{text}");
+        }
+        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
+        for text in ["-1", "nan", "inf", "x", ""] {
+            assert!(seconds(text).is_err(), "{text}");
         }
         assert_eq!((distance("0"), distance("1e-3")), (Ok(0.0), Ok(0.001)));
         for text in ["-1", "nan", "inf", "x", ""] {

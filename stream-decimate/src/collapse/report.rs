@@ -81,8 +81,30 @@ pub struct CollapsedFace {
 pub struct CollapseReport {
     /// Triangles read.
     pub input_triangles: u64,
+    /// CRC-32 of their coordinates, in the machine's byte order.
+    pub input_crc: u32,
     /// What was wrong with them.
     pub repaired: Repairs,
     /// Most triangles the buffer held.
     pub peak_buffer_triangles: u64,
+}
+
+impl CollapseReport {
+    /// All of it as numbers, to be written down.
+    pub fn to_words(&self) -> [u64; 11] {
+        let [a, b, c, d, e, f, g, h] = self.repaired.counts().map(|(_, count)| count);
+        let Self { input_triangles, input_crc, peak_buffer_triangles, .. } = *self;
+        [input_triangles, input_crc.into(), peak_buffer_triangles, a, b, c, d, e, f, g, h]
+    }
+
+    /// What [`to_words`](Self::to_words) was told of.
+    pub fn from_words(words: [u64; 11]) -> Self {
+        let [input_triangles, input_crc, peak_buffer_triangles, repaired @ ..] = words;
+        Self {
+            input_triangles,
+            input_crc: input_crc as u32,
+            repaired: Repairs::of(repaired),
+            peak_buffer_triangles,
+        }
+    }
 }
