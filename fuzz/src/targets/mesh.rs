@@ -142,6 +142,11 @@ fn drain(source: &mut dyn TriangleSource) -> Result<Vec<Triangle>, Error> {
         let mut again = Vec::new();
         source.look_up(&numbers, &mut again);
         assert!(same(&again, &triangles), "vertices looked up are others");
+        if source.has_colours() {
+            let mut colours = Vec::new();
+            source.look_up_colours(&numbers, &mut colours);
+            assert_eq!(colours.len(), triangles.len());
+        }
     }
     // Of a binary PLY it goes by the size of the file, in which faces without triangles may make up for larger ones.
     if let Some(count) = count.filter(|_| !source.has_vertex_numbers()) {
@@ -169,6 +174,7 @@ fn agree(whole: &Result<IndexedMesh, Error>, streamed: &Result<Vec<Triangle>, Er
 
 fn check(mesh: &IndexedMesh) {
     let vertices = mesh.positions.len();
+    assert!([0, vertices].contains(&mesh.colours.len()), "colours of some vertices");
     assert!(
         mesh.triangles.iter().flatten().all(|&v| (v as usize) < vertices),
         "an index too large"
@@ -210,12 +216,22 @@ fn small() -> IndexedMesh {
             triangles.push([0, i, i + 1]);
         }
     }
-    IndexedMesh { positions, triangles }
+    IndexedMesh { positions, triangles, ..IndexedMesh::default() }
 }
 
 fn written(format: Format) -> Vec<u8> {
     let mut bytes = Vec::new();
     write_mesh_to(&mut bytes, format, &small()).expect("a valid mesh");
+    bytes
+}
+
+/// The same with colours.
+fn coloured(format: Format) -> Vec<u8> {
+    let mut mesh = small();
+    let bytes = (0..mesh.positions.len()).map(|i| (i * 23) as u8);
+    mesh.colours = bytes.map(|byte| [byte, 255 - byte, 7, 255]).collect();
+    let mut bytes = Vec::new();
+    write_mesh_to(&mut bytes, format, &mesh).expect("a valid mesh");
     bytes
 }
 
@@ -241,6 +257,7 @@ fn ply_seeds() -> Vec<Vec<u8>> {
         9 0 1 2 3 -1 4 3 2 1\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n2 2 1\n";
     let mut seeds: Vec<Vec<u8>> =
         [Format::PlyAscii, Format::PlyBinaryLittle, Format::PlyBinaryBig].map(written).into();
+    seeds.extend([Format::PlyAscii, Format::PlyBinaryBig].map(coloured));
     seeds.extend([all_sorts, strips].map(|text| text.as_bytes().to_vec()));
     for (big, faces_first) in [(false, false), (true, true), (false, true)] {
         seeds.push(binary_ply(big, faces_first));
@@ -295,7 +312,7 @@ fn obj_seeds() -> Vec<Vec<u8>> {
     let all_sorts = "# one\nmtllib a.mtl\no a\nf 1 2 3\nv 0 0 0\nv 1 0 0 1 0 0\nv 1 1 0\nv 0 1e0 .0\nvt 0 0\n\
         vn 0 0 1\ng b\nusemtl c\ns off\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -1//1 -2//1 -3//1\nf 1/1 2/1 \\\n 3/1\n\
         l 1 2\np 1\nv 500000.125 4500000.25 1\nv 5 5 5\nf 1 2 3 4 5 6\n";
-    vec![written(Format::Obj), all_sorts.as_bytes().to_vec()]
+    vec![written(Format::Obj), coloured(Format::Obj), all_sorts.as_bytes().to_vec()]
 }
 
 fn gltf_seeds() -> Vec<Vec<u8>> {
@@ -327,7 +344,7 @@ fn gltf_seeds() -> Vec<Vec<u8>> {
         index(1, 5121, 3),
         views.join(",")
     );
-    vec![written(Format::Gltf), written(Format::Glb), scene.into_bytes()]
+    vec![written(Format::Gltf), written(Format::Glb), coloured(Format::Glb), scene.into_bytes()]
 }
 
 /// Changes the parts of a container by themselves and puts them together with the right lengths, mostly.

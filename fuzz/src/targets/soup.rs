@@ -170,7 +170,14 @@ impl Soup {
 
     /// As a mesh whose vertices have numbers.
     pub fn mesh(&self) -> IndexedMesh {
-        IndexedMesh { positions: self.positions.clone(), triangles: self.triangles.clone() }
+        let mut mesh = IndexedMesh::default();
+        mesh.positions.clone_from(&self.positions);
+        mesh.triangles.clone_from(&self.triangles);
+        if self.choices[1] % 2 == 1 {
+            let bytes = (0..self.positions.len()).map(|i| (i * 37 / 5) as u8);
+            mesh.colours.extend(bytes.map(|byte| [byte, byte ^ 0x55, 255 - byte, 255]));
+        }
+        mesh
     }
 
     /// As triangles without numbers.

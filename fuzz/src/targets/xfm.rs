@@ -39,7 +39,12 @@ fn seeds() -> Vec<Vec<u8>> {
             .expect("a manifold");
         let mut options = BuildOptions::default();
         options.base_faces = 12;
-        let forest = build(mesh, &soup.positions, &options, &|_| ()).expect("small");
+        let mut forest = build(mesh, &soup.positions, &options, &|_| ()).expect("small");
+        if !closed {
+            let colour = |i: usize| [i as u8, (i / 3) as u8, 7, 255];
+            forest.colours = (0..forest.nodes.len()).map(colour).collect();
+            forest.base.colours = (0..forest.base.vertices.len()).map(colour).collect();
+        }
         let mut options = WriteOptions::default();
         options.encoding = encoding;
         options.levels = levels;

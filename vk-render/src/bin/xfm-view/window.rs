@@ -196,6 +196,7 @@ impl Viewer<'_> {
             Detail::Budget(triangles) => {
                 Detail::Budget(((triangles as f32 / factor) as usize).clamp(100, 100_000_000))
             }
+            time @ Detail::FrameTime(_) => time,
         };
     }
 
