@@ -64,7 +64,7 @@ pub use front::{
     UpdateLimits, UpdateStats,
 };
 pub use measure::{BoundsLanes, ErrorMeasure, LANES, NodeBounds};
-pub use node::{HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
+pub use node::{Colour, HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
 pub use pack::{DraftPlace, PackedPage, PackedPages, PagePacker};
 pub use ranks::{RankAccount, RankError, ranks};
 pub use record::{CollapseRecord, StarBounds};

@@ -1,6 +1,6 @@
 //! Where the front finds its nodes.
 
-use crate::{BaseMesh, Node, NodeId, SlotId};
+use crate::{BaseMesh, Colour, Node, NodeId, SlotId};
 
 /// Gives the front the nodes of a forest, which may be in memory or not.
 ///
@@ -12,6 +12,12 @@ pub trait NodeStore {
 
     /// The node, if it is resident.
     fn node(&self, id: NodeId) -> Option<&Node>;
+
+    /// The colour of the vertex that the split of a resident node brings back. It is asked for only where the vertices of the
+    /// coarsest mesh have [colours](BaseMesh::colours).
+    fn colour(&self, _id: NodeId) -> Option<Colour> {
+        None
+    }
 
     /// Asks for a node, the more urgently the higher `urgency` (the screen-space error in pixels). Returns whether it
     /// is resident now; if not, it may be in a later frame, or never when it cannot be read.

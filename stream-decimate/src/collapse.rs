@@ -24,7 +24,7 @@ use crate::finality::{self, Direct, Feed};
 use crate::portion::Portion;
 use crate::presort::{self, Open};
 use crate::run::with_reader;
-use crate::{Error, Observer};
+use crate::{Error, Observer, OptionsError};
 use collapser::Collapser;
 use skip::skip;
 
@@ -40,6 +40,13 @@ pub struct CollapseOptions {
     pub base_triangles: usize,
     /// Threads to use at most; the result does not depend on it. Default `None`: as many as there are cores.
     pub threads: Option<NonZeroUsize>,
+    /// Whether vertices have colours, which then are told; otherwise those of the source are not looked at. [`collapse`] and
+    /// [`collapse_file`] find that out by themselves. Default no.
+    pub colours: bool,
+    /// How much colours count where vertices have some: a colour that is wrong by all of one component (red where there was
+    /// black) costs as much as a surface that is wrong by this share of the diagonal of the bounding box of what has been
+    /// read. 0 or more; 0 is not at all. Default 0.002.
+    pub colour_weight: f32,
 }
 
 impl Default for CollapseOptions {
@@ -49,6 +56,8 @@ impl Default for CollapseOptions {
             buffer_vertices: None,
             base_triangles: 256,
             threads: None,
+            colours: false,
+            colour_weight: 0.002,
         }
     }
 }
@@ -59,6 +68,24 @@ impl CollapseOptions {
         // Where boundaries meet in a vertex, it becomes several when they are known to be boundaries.
         let vertices = self.most_vertices();
         u32::try_from(vertices + vertices / 8 + 64).unwrap_or(u32::MAX)
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// The first field that is out of its range.
+    pub fn check(&self) -> Result<(), OptionsError> {
+        if self.buffer_triangles < 64 {
+            return Err(OptionsError::Buffer(self.buffer_triangles));
+        }
+        if !(self.colour_weight >= 0.0 && self.colour_weight <= 1e6) {
+            return Err(OptionsError::ColourWeight(self.colour_weight));
+        }
+        Ok(())
+    }
+
+    fn with_colours_of(&self, source: &dyn TriangleSource) -> Self {
+        Self { colours: source.has_colours(), ..self.clone() }
     }
 
     fn most_vertices(&self) -> usize {
@@ -73,7 +100,7 @@ impl CollapseOptions {
 
     /// Bytes of a checkpoint at most.
     pub fn checkpoint_bytes(&self) -> u64 {
-        Portion::SAVED_VERTEX_BYTES * u64::from(self.num_vertex_names())
+        Portion::saved_vertex_bytes(self.colours) * u64::from(self.num_vertex_names())
             + (Portion::SAVED_NAME_BYTES + Portion::SAVED_LONG_BYTES) * self.buffer_triangles as u64
             + checkpoint::OTHER_BYTES
     }
@@ -82,6 +109,8 @@ impl CollapseOptions {
     pub const BYTES_PER_VERTEX: u64 = 280;
     /// And for each triangle.
     pub const BYTES_PER_TRIANGLE: u64 = 24;
+    /// And for each vertex once more, where vertices have colours.
+    pub const COLOUR_BYTES_PER_VERTEX: u64 = 10;
 }
 
 /// In what order the triangles of a file are taken.
@@ -109,7 +138,8 @@ pub fn collapse<E: From<Error>>(
     mut tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
     observer: &mut Observer<'_>,
 ) -> Result<(CollapsedMesh, CollapseReport), E> {
-    Collapsing::new(options)?.run(source, &mut tell, observer)
+    let options = options.with_colours_of(source);
+    Collapsing::new(&options)?.run(source, &mut tell, observer)
 }
 
 /// Collapses a file, reading it in some order; scratch files lie in the folder `scratch`.
@@ -126,7 +156,8 @@ pub fn collapse_file<E: From<Error>>(
     mut tell: &mut dyn FnMut(&Collapsed) -> Result<(), E>,
     observer: &mut Observer<'_>,
 ) -> Result<(CollapsedMesh, CollapseReport), E> {
-    Collapsing::new(options)?.run_file(open, (order, scratch), &mut tell, observer)
+    let options = options.with_colours_of(&*open().map_err(Error::from)?);
+    Collapsing::new(&options)?.run_file(open, (order, scratch), &mut tell, observer)
 }
 
 /// Takes what a run of collapses has to tell. Anything that takes a collapse does, without checkpoints.
@@ -216,7 +247,7 @@ impl Collapsing {
         recorder: &mut dyn Recorder<E>,
         observer: &mut Observer<'_>,
     ) -> Result<(CollapsedMesh, CollapseReport), E> {
-        run(self.0, &mut Direct(source), recorder, observer)
+        run(self.0, &mut Direct::new(source), recorder, observer)
     }
 
     /// As [`collapse_file`]: in an order, which has to be that of the earlier run, with scratch files in a folder. Where all
@@ -262,7 +293,7 @@ pub fn check_input(
     observer: &mut Observer<'_>,
 ) -> Result<(), Error> {
     let (read, crc) = (report.input_triangles, report.input_crc);
-    skip(&mut Direct(source), (read, crc), observer)?.check_end()
+    skip(&mut Direct::new(source), (read, crc), observer)?.check_end()
 }
 
 fn run<E: From<Error>>(
@@ -277,8 +308,8 @@ fn run<E: From<Error>>(
         return collapser.finish(recorder, observer);
     }
     with_reader(&mut feed, observer, |batch, observer| -> Result<_, E> {
-        if let Some((triangles, finality)) = batch {
-            collapser.push(triangles, finality, recorder, observer)?;
+        if let Some(batch) = batch {
+            collapser.push(batch, recorder, observer)?;
         }
         Ok(collapser.progress())
     })?;

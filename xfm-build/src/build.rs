@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use mergetree::{CollapseRecord, OctNormal};
+use mergetree::{CollapseRecord, Colour, OctNormal};
 use scratch::{CheckpointWriter, Scratch};
 use xfm_format::WriteReport;
 
@@ -83,8 +83,8 @@ impl fmt::Display for BuildReport {
     }
 }
 
-/// A collapse with position and normal of the vertex that it removes.
-type Collapsed = (CollapseRecord, Vec3, OctNormal);
+/// A collapse with position, normal and colour of the vertex that it removes.
+type Collapsed = (CollapseRecord, Vec3, OctNormal, Option<Colour>);
 
 /// Collapses that go to the linker's thread at once.
 const BATCH: usize = 1024;
@@ -119,7 +119,22 @@ impl Feed {
         position: Vec3,
         normal: OctNormal,
     ) -> Result<(), Error> {
-        self.batch.push((*record, position, normal));
+        self.push_with(record, position, normal, None)
+    }
+
+    /// As [`push`](Self::push), with the colour of the vertex if vertices [have colours](LinkOptions::colours).
+    ///
+    /// # Errors
+    /// As [`push`](Self::push).
+    #[inline]
+    pub fn push_with(
+        &mut self,
+        record: &CollapseRecord,
+        position: Vec3,
+        normal: OctNormal,
+        colour: Option<Colour>,
+    ) -> Result<(), Error> {
+        self.batch.push((*record, position, normal, colour));
         if self.batch.len() < BATCH { Ok(()) } else { self.flush() }
     }
 
@@ -194,6 +209,7 @@ impl Feed {
 ///         Ok::<_, Box<dyn std::error::Error>>(CoarseMesh {
 ///             vertices: mesh.vertices().map(vertex).collect(),
 ///             faces: mesh.faces().filter_map(face).collect(),
+///             colours: Vec::new(),
 ///         })
 ///     },
 ///     &path,
@@ -301,8 +317,8 @@ fn link_from<E: From<Error>>(
                     continue;
                 }
             };
-            for (record, position, normal) in batch.drain(..) {
-                linker.push(&record, position, normal)?;
+            for (record, position, normal, colour) in batch.drain(..) {
+                linker.push_with(&record, position, normal, colour)?;
             }
             // Where there are enough of them already it is dropped.
             give_back.try_send(batch).ok();

@@ -100,6 +100,9 @@ pub enum RecordProblem {
     /// It removes a second face and has no half-edge `y`.
     #[error("a second face without the half-edge y, or the other way round")]
     SecondFace,
+    /// The vertex has a colour and others have none, or the other way round.
+    #[error("a colour where vertices have none, or none where they have some")]
+    Colour,
 }
 
 /// What is wrong with a coarsest mesh.
@@ -127,6 +130,9 @@ pub enum CoarseProblem {
     /// There are more faces than half-edges can have names.
     #[error("too many faces")]
     TooLarge,
+    /// There are more or fewer colours than there should be.
+    #[error("colours for more or fewer vertices than there are")]
+    Colours,
 }
 
 /// Why a run cannot go on where an earlier one ended.

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use halfedge::FaceId;
-use mergetree::{BaseMesh, BaseVertex, OctNormal};
+use mergetree::{BaseMesh, BaseVertex, Colour, OctNormal};
 use scratch::{
     CheckpointError, CheckpointReader, CheckpointWriter, SavedChunk, SavedSpool, Scratch, Spool,
     Store,
@@ -23,7 +23,7 @@ use xfm_format::WriteOptions;
 
 use crate::coarse::{Coarse, CoarseRoot};
 use crate::link::{Counts, Linked, Top};
-use crate::log::{LogEntry, PageSize};
+use crate::log::{LogEntry, LoggedColour, PageSize};
 use crate::names::NameBounds;
 use crate::{Error, StateProblem};
 
@@ -107,6 +107,7 @@ pub(crate) struct Known<'a> {
     pub store: &'a mut Store,
     pub log: &'a mut Spool<LogEntry>,
     pub sizes: &'a mut Spool<PageSize>,
+    pub colours: Option<&'a mut Spool<LoggedColour>>,
 }
 
 impl Kept {
@@ -129,8 +130,9 @@ impl Kept {
     }
 
     fn begin(&self, known: Known<'_>, is_whole: bool) -> Result<Draft, Error> {
-        let Known { write, names, counts, store, log, sizes } = known;
+        let Known { write, names, counts, store, log, sizes, colours } = known;
         let (log, sizes) = (log.save(store)?, sizes.save(store)?);
+        let colours = colours.map(|colours| colours.save(store)).transpose()?;
         store.sync()?;
         let mut writer = CheckpointWriter::create(&self.scratch, &self.keep.state_name())?;
         writer.put("identity", &self.keep.identity)?;
@@ -147,11 +149,14 @@ impl Kept {
             chunk_bytes: store.chunk_bytes() as u32,
             num_chunks: store.num_file_chunks(),
             is_whole: is_whole.into(),
-            zero: 0,
+            has_colours: colours.is_some().into(),
         };
         writer.put("counts", &[fixed])?;
         writer.put("log", &log.chunks)?;
         writer.put("sizes", &sizes.chunks)?;
+        if let Some(colours) = colours {
+            writer.put("colours", &colours.chunks)?;
+        }
         Ok(Draft { writer, is_of_use: Arc::clone(&self.is_of_use) })
     }
 
@@ -165,14 +170,16 @@ impl Kept {
 
     /// Writes down that the log is whole.
     pub fn save(&mut self, linked: &mut Linked) -> Result<(), Error> {
-        let Linked { write, names, counts, store, log, sizes, coarse, notes, .. } = linked;
-        let known = Known { write, names: *names, counts, store, log, sizes };
+        let Linked { write, names, counts, store, log, sizes, colours, coarse, notes, .. } = linked;
+        let colours = colours.as_mut();
+        let known = Known { write, names: *names, counts, store, log, sizes, colours };
         let mut draft = self.begin(known, true)?;
         let saved = |v: &BaseVertex| SavedVertex { position: v.position.into(), normal: v.normal };
         let vertices: Vec<_> = coarse.base.vertices.iter().map(saved).collect();
         let face_names: Vec<u32> = coarse.face_names.iter().map(|name| name.get()).collect();
         let out = &mut draft.writer;
         out.put("vertices", &vertices)?;
+        out.put("vertex colours", &coarse.base.colours)?;
         out.put("faces", &coarse.base.faces)?;
         out.put("face names", &face_names)?;
         out.put("roots", &coarse.roots)?;
@@ -206,7 +213,7 @@ struct Fixed {
     chunk_bytes: u32,
     num_chunks: u32,
     is_whole: u32,
-    zero: u32,
+    has_colours: u32,
 }
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -226,6 +233,7 @@ pub(crate) struct Earlier {
     num_chunks: u32,
     log: SavedSpool,
     sizes: SavedSpool,
+    pub colours: Option<SavedSpool>,
 }
 
 /// A log with what belongs to it.
@@ -233,6 +241,7 @@ pub(crate) struct Opened {
     pub store: Store,
     pub log: Spool<LogEntry>,
     pub sizes: Spool<PageSize>,
+    pub colours: Option<Spool<LoggedColour>>,
     pub kept: Kept,
 }
 
@@ -265,10 +274,17 @@ impl Earlier {
         let (mut log, mut sizes) = (SavedSpool::default(), SavedSpool::default());
         reader.take("log", fixed.num_chunks.into(), &mut log.chunks)?;
         reader.take("sizes", fixed.num_chunks.into(), &mut sizes.chunks)?;
+        let mut colours = None;
+        if fixed.has_colours == 1 {
+            let chunks = &mut colours.insert(SavedSpool::default()).chunks;
+            reader.take("colours", fixed.num_chunks.into(), chunks)?;
+        }
         let records = |spool: &SavedSpool| -> u64 {
             spool.chunks.iter().map(|chunk: &SavedChunk| u64::from(chunk.records)).sum()
         };
         let sound = fixed.is_whole <= 1
+            && fixed.has_colours <= 1
+            && colours.as_ref().is_none_or(|colours| records(colours) == fixed.nodes)
             && (1 << 10..=1 << 20).contains(&fixed.chunk_bytes)
             && records(&log) == fixed.nodes
             && (fixed.is_whole == 1 || records(&sizes) == fixed.pages)
@@ -295,6 +311,7 @@ impl Earlier {
             num_chunks: fixed.num_chunks,
             log,
             sizes,
+            colours,
         })
     }
 
@@ -305,10 +322,13 @@ impl Earlier {
             let store = Store::open_kept(scratch, &name, self.chunk_bytes, self.num_chunks)?;
             let log = Spool::restore(&store, &self.log)?;
             let sizes = Spool::restore(&store, &self.sizes)?;
-            Ok((store, log, sizes))
+            let colours = self.colours.as_ref();
+            let colours = colours.map(|saved| Spool::restore(&store, saved)).transpose()?;
+            Ok((store, log, sizes, colours))
         };
-        let (store, log, sizes) = open().map_err(|error| log_error(error, scratch, keep))?;
-        Ok(Opened { store, log, sizes, kept: Kept::earlier(scratch, keep) })
+        let (store, log, sizes, colours) =
+            open().map_err(|error| log_error(error, scratch, keep))?;
+        Ok(Opened { store, log, sizes, colours, kept: Kept::earlier(scratch, keep) })
     }
 
     /// The rest of what is known of a log that is whole.
@@ -319,13 +339,17 @@ impl Earlier {
         let (mut faces, mut face_names) = (Vec::<[u32; 3]>::new(), Vec::<u32>::new());
         let (mut roots, mut root_pages) = (Vec::<CoarseRoot>::new(), Vec::<PageSize>::new());
         reader.take("vertices", most, &mut vertices)?;
+        let mut colours = Vec::<Colour>::new();
+        reader.take("vertex colours", vertices.len() as u64, &mut colours)?;
         reader.take("faces", most, &mut faces)?;
         reader.take("face names", faces.len() as u64, &mut face_names)?;
         reader.take("roots", vertices.len() as u64, &mut roots)?;
         reader.take("root pages", roots.len() as u64, &mut root_pages)?;
         reader.take("notes", 1 << 20, &mut notes)?;
         self.reader.finish()?;
+        let num_colours = if self.colours.is_some() { vertices.len() } else { 0 };
         let sound = face_names.len() == faces.len()
+            && colours.len() == num_colours
             && face_names.iter().all(|&name| name < self.names.faces)
             && faces.iter().flatten().all(|&v| (v as usize) < vertices.len())
             && roots.iter().all(|root| {
@@ -342,7 +366,7 @@ impl Earlier {
             root: None,
         };
         let coarse = Coarse {
-            base: BaseMesh { vertices: vertices.into_iter().map(vertex).collect(), faces },
+            base: BaseMesh { vertices: vertices.into_iter().map(vertex).collect(), faces, colours },
             face_names: face_names.into_iter().map(FaceId::new).collect(),
             roots,
             root_pages,
@@ -375,7 +399,7 @@ impl Linked {
         let earlier = Earlier::open(scratch, keep, write)?.filter(|earlier| earlier.is_whole);
         let Some(earlier) = earlier else { return Ok(None) };
         let (names, counts) = (earlier.names, earlier.counts);
-        let Opened { store, log, sizes, kept } = earlier.open_log(scratch, keep)?;
+        let Opened { store, log, sizes, colours, kept } = earlier.open_log(scratch, keep)?;
         let (coarse, notes) = earlier.read_coarse().map_err(|error| keep.fail(scratch, error))?;
         Ok(Some(Self {
             scratch: scratch.clone(),
@@ -384,6 +408,7 @@ impl Linked {
             store,
             log,
             sizes,
+            colours,
             counts,
             coarse,
             notes,

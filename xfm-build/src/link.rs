@@ -4,17 +4,18 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use mergetree::{
-    BoundCodes, Bounded, CollapseRecord, Cut, CutRule, HalfEdgeNames, Node, OctNormal, OpenPiece,
+    BoundCodes, Bounded, CollapseRecord, Colour, Cut, CutRule, HalfEdgeNames, Node, OctNormal,
+    OpenPiece,
 };
 use scratch::{CheckpointError, CheckpointReader, Scratch, Spool, Store, StoreOptions};
 use xfm_format::{Numbering, Rounding, WriteOptions};
 
 use crate::coarse::{Coarse, close};
 use crate::kept::{Draft, Earlier, Keep, Kept, Known, Opened, log_error};
-use crate::log::{LogEntry, LoggedChild, PageSize};
+use crate::log::{LogEntry, LoggedChild, LoggedColour, PageSize};
 use crate::names::{CoarseMesh, MAX_VERTEX, NONE, NameBounds, from_option};
 use crate::plan::{self, LinkPlan};
-use crate::{Error, RecordProblem};
+use crate::{CoarseProblem, Error, RecordProblem};
 
 /// How collapses are linked.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,17 +32,19 @@ pub struct LinkOptions {
     pub memory_bytes: u64,
     /// The file to be written.
     pub write: WriteOptions,
+    /// Whether vertices have colours: all of them or none. Default no.
+    pub colours: bool,
 }
 
 impl LinkOptions {
     /// Bytes of memory that linking takes at least.
     pub fn least_memory_bytes(&self) -> u64 {
-        LinkPlan::least(self.names, plan::LEAST_CHUNK_BYTES)
+        LinkPlan::least(self.names, plan::LEAST_CHUNK_BYTES, self.colours)
     }
 
     /// The defaults for names below these.
     pub fn new(names: NameBounds) -> Self {
-        Self { names, memory_bytes: 256 << 20, write: WriteOptions::default() }
+        Self { names, memory_bytes: 256 << 20, write: WriteOptions::default(), colours: false }
     }
 }
 
@@ -165,6 +168,8 @@ pub struct Linker {
     store: Store,
     log: Spool<LogEntry>,
     sizes: Spool<PageSize>,
+    /// Beside the log, where vertices have colours.
+    colours: Option<Spool<LoggedColour>>,
     counts: Counts,
     /// More blocks than these cannot be named, whatever the coarsest mesh.
     max_blocks: u64,
@@ -228,16 +233,20 @@ impl Linker {
         let Some(mut earlier) = earlier.filter(|earlier| !earlier.is_whole) else {
             return Ok(None);
         };
-        if (earlier.names, earlier.chunk_bytes) != (options.names, plan.chunk_bytes) {
+        let asked = (options.names, plan.chunk_bytes, options.colours);
+        if (earlier.names, earlier.chunk_bytes, earlier.colours.is_some()) != asked {
             return Err(keep.fail(scratch, CheckpointError::Other));
         }
-        let Opened { store, mut log, mut sizes, kept } = earlier.open_log(scratch, keep)?;
+        let Opened { store, mut log, mut sizes, mut colours, kept } =
+            earlier.open_log(scratch, keep)?;
         let mut linker = Self::with_store(scratch, store, options, (plan, rounding));
         let store = &mut linker.store;
         log.check(store)
             .and_then(|()| sizes.check(store))
+            .and_then(|()| colours.as_mut().map_or(Ok(()), |colours| colours.check(store)))
             .map_err(|error| log_error(error, scratch, keep))?;
-        (linker.log, linker.sizes, linker.kept) = (log, sizes, Some(kept));
+        (linker.log, linker.sizes, linker.colours) = (log, sizes, colours);
+        linker.kept = Some(kept);
         linker.counts = earlier.counts;
         let (tops, nodes, rule) = (&mut linker.tops, earlier.counts.nodes, linker.rule);
         let mut read = || -> Result<(), CheckpointError> {
@@ -263,6 +272,7 @@ impl Linker {
             store: &mut self.store,
             log: &mut self.log,
             sizes: &mut self.sizes,
+            colours: self.colours.as_mut(),
         };
         kept.checkpoint(known, &self.tops).map(Some)
     }
@@ -313,6 +323,7 @@ impl Linker {
             tops: vec![Top::zeroed(); options.names.vertices as usize],
             log: Spool::new(&store),
             sizes: Spool::new(&store),
+            colours: options.colours.then(|| Spool::new(&store)),
             store,
             counts: Counts::new(),
             max_blocks: plan::max_blocks(HalfEdgeNames::new(0), numbering),
@@ -345,6 +356,20 @@ impl Linker {
         position: Vec3,
         normal: OctNormal,
     ) -> Result<(), Error> {
+        self.push_with(record, position, normal, None)
+    }
+
+    /// As [`push`](Self::push), with the colour of the vertex if vertices [have colours](LinkOptions::colours).
+    ///
+    /// # Errors
+    /// As [`push`](Self::push); also where there is a colour and should be none, or none and should be one.
+    pub fn push_with(
+        &mut self,
+        record: &CollapseRecord,
+        position: Vec3,
+        normal: OctNormal,
+        colour: Option<Colour>,
+    ) -> Result<(), Error> {
         let order = self.counts.nodes;
         if order >= self.max_nodes {
             self.plan.check(order + 1, 0, 0)?;
@@ -353,6 +378,9 @@ impl Linker {
         check_record(record, self.names).map_err(wrong)?;
         if !position.is_finite() {
             return Err(wrong(RecordProblem::NotFinite));
+        }
+        if colour.is_some() != self.colours.is_some() {
+            return Err(wrong(RecordProblem::Colour));
         }
         let [v, u] = [record.removed.index(), record.kept.index()];
         let below = [self.tops[v], self.tops[u]];
@@ -383,6 +411,9 @@ impl Linker {
         };
         let entry = LogEntry::new(record, position, normal, codes, [child(0), child(1)]);
         self.log.push(&mut self.store, &entry)?;
+        if let (Some(colours), Some(colour)) = (&mut self.colours, colour) {
+            colours.push(&mut self.store, &colour.into())?;
+        }
         for (piece, cut) in pieces.into_iter().zip(cuts) {
             if let Some(piece) = piece {
                 self.cut(piece, cut)?;
@@ -418,6 +449,10 @@ impl Linker {
     /// and [`Error::State`].
     pub fn finish(mut self, mesh: &CoarseMesh) -> Result<Linked, Error> {
         self.plan.check(self.counts.nodes, mesh.vertices.len(), mesh.faces.len())?;
+        let num_colours = if self.colours.is_some() { mesh.vertices.len() } else { 0 };
+        if mesh.colours.len() != num_colours {
+            return Err(Error::Coarse(CoarseProblem::Colours));
+        }
         let mut coarse = close(mesh, self.names, &mut self.tops, self.rule)?;
         coarse.round(self.rounding)?;
         for vertex in &coarse.base.vertices {
@@ -437,6 +472,7 @@ impl Linker {
             store: self.store,
             log: self.log,
             sizes: self.sizes,
+            colours: self.colours,
             counts: self.counts,
             coarse,
             notes: self.notes,
@@ -481,6 +517,7 @@ pub struct Linked {
     pub(crate) store: Store,
     pub(crate) log: Spool<LogEntry>,
     pub(crate) sizes: Spool<PageSize>,
+    pub(crate) colours: Option<Spool<LoggedColour>>,
     pub(crate) counts: Counts,
     pub(crate) coarse: Coarse,
     pub(crate) notes: Vec<u8>,

@@ -28,6 +28,8 @@ const ALWAYS: u64 = 40 << 20;
 const LINK_TABLES: u64 = 41;
 /// Memory for the log per triangle, in bytes, where it is to stay in memory: half a node.
 const LOG: u64 = 28;
+/// And so much more of it where vertices have colours.
+const LOG_COLOUR: u64 = 2;
 /// Share of the memory that goes to the buffer and the tables that go with it, in streaming, in percent.
 const BUFFER_SHARE: u64 = 66;
 /// Buffers are not smaller than this, in triangles.
@@ -74,6 +76,10 @@ pub struct MeshOptions {
     pub resume: bool,
     /// Time from one checkpoint to the next at least. Default `None`: such that they take a fiftieth of the time.
     pub checkpoint_every: Option<Duration>,
+    /// Whether vertices have colours, which take some memory; [`build_mesh`] finds that out by itself. Default no.
+    pub colours: bool,
+    /// How much colours count in the order of collapses; see [`CollapseOptions::colour_weight`]. Default as there.
+    pub colour_weight: f32,
 }
 
 impl Default for MeshOptions {
@@ -87,6 +93,8 @@ impl Default for MeshOptions {
             keep: None,
             resume: false,
             checkpoint_every: None,
+            colours: false,
+            colour_weight: CollapseOptions::default().colour_weight,
         }
     }
 }
@@ -108,10 +116,11 @@ pub struct MemoryPlan {
 }
 
 impl MeshOptions {
-    /// Memory that so many triangles take in core, in bytes, with some more vertices than a closed mesh has.
-    pub fn in_core_bytes(triangles: u64) -> u64 {
-        let log = triangles.saturating_mul(LOG);
-        buffer_bytes(triangles, triangles / 8 * 5)
+    /// Memory that so many triangles take in core, in bytes, with some more vertices than a closed mesh has, with
+    /// [colours](Self::colours) or without.
+    pub fn in_core_bytes(&self, triangles: u64) -> u64 {
+        let log = triangles.saturating_mul(LOG + if self.colours { LOG_COLOUR } else { 0 });
+        buffer_bytes(triangles, triangles / 8 * 5, self.colours)
             .saturating_add(log)
             .saturating_add(ALWAYS + (4 << 20))
     }
@@ -128,22 +137,26 @@ impl MeshOptions {
         options.buffer_triangles = plan.buffer_triangles;
         options.buffer_vertices = Some(plan.buffer_vertices);
         options.threads = self.threads;
+        options.colours = self.colours;
+        options.colour_weight = self.colour_weight;
         options
     }
 
     /// What the memory is spent on.
     pub fn plan(&self) -> MemoryPlan {
         let rest = self.memory_bytes.saturating_sub(ALWAYS);
-        let in_core = |&triangles: &u64| Self::in_core_bytes(triangles) <= self.memory_bytes;
+        let colours = self.colours;
+        let log = LOG + if colours { LOG_COLOUR } else { 0 };
+        let in_core = |&triangles: &u64| self.in_core_bytes(triangles) <= self.memory_bytes;
         let fits = self.expected_triangles.filter(in_core);
         let mode = self.mode.unwrap_or(if fits.is_some() { Mode::InCore } else { Mode::Streaming });
         // Triangles of a closed mesh, and half as many again of its vertices.
-        let per_triangle = buffer_bytes(4, 3) / 4;
+        let per_triangle = buffer_bytes(4, 3, colours) / 4;
         let most = (rest / 100 * BUFFER_SHARE / per_triangle).clamp(LEAST_BUFFER, MOST_BUFFER);
         let buffer = match (mode, self.expected_triangles) {
             (Mode::InCore, Some(triangles)) => triangles.saturating_add(64),
             // Of unknown length: as much as there may be.
-            (Mode::InCore, None) => rest / (per_triangle + LOG),
+            (Mode::InCore, None) => rest / (per_triangle + log),
             (Mode::Streaming, Some(triangles)) => most.min(triangles.saturating_add(64)),
             (Mode::Streaming, None) => most,
         };
@@ -153,13 +166,14 @@ impl MeshOptions {
             // There may be three of a triangle, but no more than there is memory for.
             Mode::InCore => {
                 let for_vertices =
-                    rest.saturating_sub(buffer_bytes(triangles, 0) + triangles * LOG);
-                let each = buffer_bytes(0, 1);
+                    rest.saturating_sub(buffer_bytes(triangles, 0, colours) + triangles * log);
+                let each = buffer_bytes(0, 1, colours);
                 (for_vertices / each).clamp(triangles / 2 + 64, triangles.saturating_mul(3))
             }
         };
         let tables = vertices.saturating_mul(LINK_TABLES) + triangles / 8 + (4 << 20);
-        let taken = buffer_bytes(triangles, vertices) - vertices.saturating_mul(LINK_TABLES);
+        let taken =
+            buffer_bytes(triangles, vertices, colours) - vertices.saturating_mul(LINK_TABLES);
         MemoryPlan {
             mode,
             buffer_triangles: triangles as usize,
@@ -172,10 +186,11 @@ impl MeshOptions {
 }
 
 /// Memory that a buffer takes with the tables of the linker, in bytes.
-fn buffer_bytes(triangles: u64, vertices: u64) -> u64 {
+fn buffer_bytes(triangles: u64, vertices: u64, colours: bool) -> u64 {
     let of_triangles = triangles.saturating_mul(CollapseOptions::BYTES_PER_TRIANGLE);
-    of_triangles
-        .saturating_add(vertices.saturating_mul(CollapseOptions::BYTES_PER_VERTEX + LINK_TABLES))
+    let colour = if colours { CollapseOptions::COLOUR_BYTES_PER_VERTEX } else { 0 };
+    let of_vertex = CollapseOptions::BYTES_PER_VERTEX + LINK_TABLES + colour;
+    of_triangles.saturating_add(vertices.saturating_mul(of_vertex))
 }
 
 fn names(options: &CollapseOptions) -> NameBounds {
@@ -242,6 +257,12 @@ pub fn build_mesh(
     observer: &mut dyn FnMut(MeshProgress) -> ControlFlow<()>,
 ) -> Result<MeshReport, MeshError> {
     let folder = Scratch::new(scratch);
+    let mut options = options.clone();
+    options.colours = match &mut input {
+        Input::Pipe(source) => source.has_colours(),
+        Input::File(open) => open().map_err(stream_decimate::Error::from)?.has_colours(),
+    };
+    let options = &options;
     let line = Line {
         path,
         scratch: &folder,
@@ -319,6 +340,7 @@ struct Line<'a> {
 impl Line<'_> {
     fn link_options(&self) -> LinkOptions {
         let mut link = LinkOptions::new(names(&self.collapse_options));
+        link.colours = self.options.colours;
         link.memory_bytes = self.plan.link_bytes.max(link.least_memory_bytes());
         link.write = self.options.write.clone();
         link
@@ -467,7 +489,7 @@ impl Line<'_> {
 }
 
 /// Numbers of the notes: the order, and the report.
-const NOTES: usize = 11;
+const NOTES: usize = 12;
 
 /// Hands collapses on to the linker, and has checkpoints made.
 struct Record<'a> {
@@ -480,7 +502,7 @@ struct Record<'a> {
 impl Recorder<MeshError> for Record<'_> {
     fn tell(&mut self, collapse: &Collapsed) -> Result<(), MeshError> {
         let (record, normal) = record_of(collapse);
-        Ok(self.feed.push(&record, collapse.position, normal)?)
+        Ok(self.feed.push_with(&record, collapse.position, normal, collapse.colour)?)
     }
 
     fn wants_checkpoint(&mut self, bytes: u64) -> bool {
@@ -533,5 +555,6 @@ fn coarse_mesh(rest: &CollapsedMesh) -> CoarseMesh {
     CoarseMesh {
         vertices: rest.vertices.iter().map(vertex).collect(),
         faces: rest.faces.iter().map(face).collect(),
+        colours: rest.vertices.iter().filter_map(|v| v.colour).collect(),
     }
 }

@@ -57,7 +57,11 @@ fn peak(mesh: &IndexedMesh, folder: &Path, options: &MeshOptions, mut times: usi
 #[test]
 fn checkpoints_take_next_to_no_memory() {
     let shape = torus(350, 350);
-    let mesh = IndexedMesh { positions: shape.positions, triangles: shape.triangles };
+    let mesh = IndexedMesh {
+        positions: shape.positions,
+        triangles: shape.triangles,
+        ..Default::default()
+    };
     let mut options = MeshOptions::default();
     // The buffer is a few times what everything else takes.
     options.memory_bytes = 72 << 20;

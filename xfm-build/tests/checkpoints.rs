@@ -5,7 +5,7 @@ mod common;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use common::{Random, Shape, sheet, torus};
+use common::{Random, Shape, colour_at, sheet, torus};
 use mesh_io::{IndexedMesh, MeshSource, Triangle, TriangleSource};
 use stream_decimate::ReadOrder;
 use xfm_build::{
@@ -40,7 +40,11 @@ impl Mesh {
     }
 
     fn of(shape: Shape) -> Self {
-        let mesh = IndexedMesh { positions: shape.positions, triangles: shape.triangles };
+        let mesh = IndexedMesh {
+            positions: shape.positions,
+            triangles: shape.triangles,
+            ..Default::default()
+        };
         Self { mesh, has_numbers: false, is_pipe: false }
     }
 
@@ -49,6 +53,12 @@ impl Mesh {
         for i in (1..self.mesh.triangles.len()).rev() {
             self.mesh.triangles.swap(i, random.below(i + 1));
         }
+        self
+    }
+
+    fn coloured(mut self) -> Self {
+        self.mesh.colours = self.mesh.positions.iter().map(|&p| colour_at(p)).collect();
+        self.has_numbers = true;
         self
     }
 
@@ -180,12 +190,15 @@ fn broken_off_again_and_again_it_becomes_the_same_file() {
     let numbered = Mesh { has_numbers: true, ..sorted.clone() };
     // All of it lies on its boundary.
     let ribbon = Mesh { has_numbers: true, ..Mesh::of(sheet(1, 60_000)) };
+    let coloured = sorted.clone().coloured();
     for (mesh, order) in [
         (sorted, ReadOrder::AsIs),
         (pipe, ReadOrder::AsIs),
         (shuffled, ReadOrder::Sorted),
         (numbered, ReadOrder::AsIs),
+        (ribbon.clone().coloured(), ReadOrder::Counted),
         (ribbon, ReadOrder::Counted),
+        (coloured, ReadOrder::AsIs),
     ] {
         let (expected, report) = at_once(&mesh);
         assert_eq!(report.order, order);
@@ -214,18 +227,23 @@ fn broken_off_again_and_again_it_becomes_the_same_file() {
 
 #[test]
 fn what_is_built_in_core_is_gone_on_with_between_rounds() {
-    let mesh = Mesh::new(120);
+    for mesh in [Mesh::new(120), Mesh::new(120).coloured()] {
+        go_on_in_core(&mesh);
+    }
+}
+
+fn go_on_in_core(mesh: &Mesh) {
     let place = Place::new();
     let mut options = resuming();
     options.mode = Some(Mode::InCore);
     options.expected_triangles = Some(28_800);
     options.keep = None;
-    build(&mesh, &place, &options, usize::MAX).unwrap();
+    build(mesh, &place, &options, usize::MAX).unwrap();
     let expected = std::fs::read(place.file()).unwrap();
     std::fs::remove_file(place.file()).unwrap();
     options.keep = resuming().keep;
     let mut runs = 0;
-    while build(&mesh, &place, &options, 8 + 4 * runs).is_err() {
+    while build(mesh, &place, &options, 8 + 4 * runs).is_err() {
         assert_eq!(place.left(), ["a.log", "a.state"]);
         runs += 1;
         assert!(runs < 100);
@@ -314,7 +332,7 @@ fn any_damage_is_noticed_and_nothing_is_made_of_it() {
 
 #[test]
 fn nothing_goes_on_with_another_input_or_other_options() {
-    let mesh = Mesh::new(200);
+    let mesh = Mesh::new(200).coloured();
     let place = Place::new();
     leave(&mesh, &place);
     let is_other = |mesh: &Mesh, options: &MeshOptions| {
@@ -329,6 +347,14 @@ fn nothing_goes_on_with_another_input_or_other_options() {
     let mut other = mesh.clone();
     other.mesh.triangles.truncate(1000);
     assert!(is_other(&other, &resuming()), "it is shorter");
+    let mut other = mesh.clone();
+    other.mesh.colours[7][2] ^= 1;
+    assert!(is_other(&other, &resuming()));
+    other.mesh.colours.clear();
+    assert!(is_other(&other, &resuming()), "it has no colours");
+    let mut options = resuming();
+    options.colour_weight = 0.5;
+    assert!(is_other(&mesh, &options));
     let mut options = resuming();
     options.memory_bytes = 400 << 20;
     assert!(is_other(&mesh, &options));

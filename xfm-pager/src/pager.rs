@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use mergetree::{BaseMesh, Node, NodeId, NodeStore, SlotId};
+use mergetree::{BaseMesh, Colour, Node, NodeId, NodeStore, SlotId};
 use rustc_hash::{FxBuildHasher, FxHashSet};
 use xfm_format::{BlockId, Numbering, Page, PageReader, XfmFile};
 
@@ -148,7 +148,11 @@ impl Pager {
         // Without loaders there is one at a time.
         let most_requests = if options.loaders == 0 { 1 } else { MAX_REQUESTS };
         let mut pager = Self {
-            residents: Residents::new(file.numbering(), file.num_blocks()),
+            residents: Residents::new(
+                file.numbering(),
+                file.num_blocks(),
+                file.header().has_colour(),
+            ),
             source,
             failures: vec![(0, 0); file.num_pages()],
             problems: Vec::new(),
@@ -414,7 +418,8 @@ impl Pager {
                 continue;
             }
             // A run of nodes that is free is in use afterwards.
-            let cost = residents.cost(block.nodes.len()).max(size_of_val(block.nodes));
+            let bytes = size_of_val(block.nodes) + size_of_val(block.colours);
+            let cost = residents.cost(block.nodes.len()).max(bytes);
             if others + residents.bytes() + cost > plenty {
                 break;
             }
@@ -558,6 +563,10 @@ impl NodeStore for Pager {
     #[inline]
     fn node(&self, id: NodeId) -> Option<&Node> {
         self.residents.node(id)
+    }
+
+    fn colour(&self, id: NodeId) -> Option<Colour> {
+        self.residents.colour(id)
     }
 
     /// Without loaders reads the node's block at once, whatever the urgency; with them notes that it is wanted.

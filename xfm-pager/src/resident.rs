@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use mergetree::{Node, NodeId, SlotId};
+use mergetree::{Colour, Node, NodeId, SlotId};
 use xfm_format::{Block, BlockId, Numbering};
 
 use crate::arena::Arena;
@@ -62,12 +62,13 @@ pub(crate) struct Residents {
 }
 
 impl Residents {
-    pub fn new(numbering: Numbering, num_blocks: usize) -> Self {
+    /// None yet, of a file whose nodes have colours or not.
+    pub fn new(numbering: Numbering, num_blocks: usize, has_colours: bool) -> Self {
         Self {
             numbering,
             directory: Directory::new(num_blocks),
             entries: Vec::new(),
-            arena: Arena::default(),
+            arena: Arena::new(has_colours),
             free: NONE,
             oldest: NONE,
             newest: NONE,
@@ -115,7 +116,7 @@ impl Residents {
     pub fn held_bytes(&self) -> usize {
         let nodes = self.num_held_nodes();
         let blocks = self.num_blocks - self.num_listed;
-        self.directory.bytes() + nodes * size_of::<Node>() + blocks * size_of::<Resident>()
+        self.directory.bytes() + nodes * self.arena.node_bytes() + blocks * size_of::<Resident>()
     }
 
     /// Memory that a block of so many nodes would take more.
@@ -147,6 +148,13 @@ impl Residents {
         self.arena.get(resident.place(self.numbering.slot(id))?)
     }
 
+    /// The colour of a node, if it is in memory and has one.
+    pub fn colour(&self, id: NodeId) -> Option<Colour> {
+        let entry = self.directory.get(self.numbering.block(id).index())?;
+        let place = self.entries.get(entry as usize)?.place(self.numbering.slot(id))?;
+        self.arena.colours(place, 1).first().copied()
+    }
+
     /// Takes a block that is not in memory yet. A pinned one stays.
     pub fn insert(&mut self, block: &Block<'_>, pinned: bool) {
         assert!(!self.contains(block.id), "block {} is already resident", block.id);
@@ -154,7 +162,7 @@ impl Residents {
             self.entries.reserve_exact(self.growth());
         }
         let resident = Resident {
-            nodes: self.arena.insert(block.nodes),
+            nodes: self.arena.insert(block.nodes, block.colours),
             block: block.id.get(),
             last_used: AtomicU32::new(self.clock),
             listed: self.clock,
@@ -245,8 +253,9 @@ impl Residents {
             }
             nodes.clear();
             nodes.extend((place..).take(count).filter_map(|place| self.arena.get(place)).copied());
+            let colours = self.arena.colours(place, count).to_vec();
             self.arena.remove(place, count);
-            resident.nodes = self.arena.insert(&nodes);
+            resident.nodes = self.arena.insert(&nodes, &colours);
         }
     }
 

@@ -188,15 +188,20 @@ impl Session {
         let pager = self.pager.stats();
         self.raise_tolerance_if_memory_is_short(tolerance_px);
         let frame_time = begin.elapsed();
-        match detail {
-            Detail::Pixels(_) => {}
+        let share = match detail {
+            Detail::Pixels(_) => None,
             Detail::Budget(triangles) => {
-                self.control.observe(self.front.num_triangles() as f32 / triangles.max(1) as f32);
+                Some(self.front.num_triangles() as f32 / triangles.max(1) as f32)
             }
             Detail::FrameTime(time) => {
                 let taken = self.reported_time.take().unwrap_or(frame_time);
-                self.control.observe(taken.as_secs_f32() / time.as_secs_f32().max(1e-4));
+                Some(taken.as_secs_f32() / time.as_secs_f32().max(1e-4))
             }
+        };
+        // While detail of this tolerance is still to come, no finer one is asked for.
+        let is_coming = update.waiting > 0 || update.limited;
+        if let Some(share) = share.filter(|&share| share > 1.0 || !is_coming) {
+            self.control.observe(share);
         }
         let load_in_frame = if self.pager.options().loaders == 0 {
             pager.frame.load_time + pager.frame.handover_time

@@ -121,6 +121,18 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Reads how much something counts: a number from zero to a million.
+///
+/// # Errors
+///
+/// That it is not one.
+pub fn weight(text: &str) -> Result<f32, String> {
+    match text.trim().parse::<f32>() {
+        Ok(value) if (0.0..=1e6).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0 to 1,000,000".to_owned()),
+    }
+}
+
 /// Reads a finite number, zero or above.
 ///
 /// # Errors

@@ -26,7 +26,7 @@ use crate::front::morph::Morphs;
 use crate::front::refine::Pending;
 use crate::front::scan::Scan;
 use crate::measure::BoundsTable;
-use crate::{HalfEdgeNames, NodeId, NodeStore, SlotId};
+use crate::{Colour, HalfEdgeNames, NodeId, NodeStore, SlotId};
 pub(crate) use mesh::ActiveMesh;
 
 /// Which surroundings a split or collapse waits for.
@@ -71,6 +71,8 @@ pub struct Front {
     names: HalfEdgeNames,
     dependencies: Dependencies,
     mesh: ActiveMesh,
+    /// Colours per vertex; empty where the store has none.
+    colours: Vec<Colour>,
     /// Per vertex its next split.
     frontier: Frontier,
     slots: Vec<Slot>,
@@ -115,6 +117,7 @@ impl Front {
             names: base.names(),
             dependencies,
             mesh: ActiveMesh::new(base, &connectivity),
+            colours: base.colours.clone(),
             frontier: Frontier::new(store),
             slots: Vec::new(),
             bounds: BoundsTable::default(),
@@ -145,6 +148,11 @@ impl Front {
         &self.mesh.vertices
     }
 
+    /// The colours of all [vertices](Self::vertices); empty where the mesh has none. What changes vertices changes them.
+    pub fn colours(&self) -> &[Colour] {
+        &self.colours
+    }
+
     /// The triangles, counter-clockwise; `[0, 0, 0]` where there is none.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.mesh.triangles
@@ -164,14 +172,29 @@ impl Front {
     pub fn to_mesh(&self) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         let present = self.mesh.triangles.iter().filter(|&&t| t != [0; 3]);
         let mut new_id = vec![u32::MAX; self.mesh.vertices.len()];
-        let mut used: Vec<u32> = present.clone().flatten().copied().collect();
-        used.sort_unstable();
-        used.dedup();
+        let used = self.used_vertices();
         for (new, &old) in used.iter().enumerate() {
             new_id[old as usize] = new as u32;
         }
         let positions = used.iter().map(|&v| self.mesh.vertices[v as usize].position).collect();
         (positions, present.map(|t| t.map(|v| new_id[v as usize])).collect())
+    }
+
+    /// The colours of the vertices of [`to_mesh`](Self::to_mesh); empty where the mesh has none.
+    pub fn to_colours(&self) -> Vec<Colour> {
+        if self.colours.is_empty() {
+            return Vec::new();
+        }
+        self.used_vertices().iter().map(|&v| self.colours[v as usize]).collect()
+    }
+
+    /// The vertices that triangles name, ascending.
+    fn used_vertices(&self) -> Vec<u32> {
+        let present = self.mesh.triangles.iter().filter(|&&t| t != [0; 3]);
+        let mut used: Vec<u32> = present.flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        used
     }
 
     /// The split nodes with their depth in the forest (from 1), in order of their slots.

@@ -318,6 +318,10 @@ impl Front {
         for (v, top) in [(removed, node.left), (kept, node.right)] {
             self.frontier.set(store, v, top, node.order, Some(slot), &bounds);
         }
+        if !self.colours.is_empty() {
+            self.colours.resize(self.mesh.vertices.len(), [u8::MAX; 4]);
+            self.colours[removed as usize] = store.colour(id).unwrap_or([u8::MAX; 4]);
+        }
         if let Some(parent) = parent {
             self.slots[parent.index()].num_split_children += 1;
             self.set_leaf(parent, false);

@@ -19,31 +19,36 @@ pub(super) const OTHER_BYTES: u64 = 4096;
 #[repr(C)]
 struct Fixed {
     /// What was asked for.
-    asked: [u64; 4],
+    asked: [u64; 6],
     read: u64,
     told: u64,
     peak: u64,
     num_rounds: u64,
-    repairs: [u64; 7],
+    repairs: [u64; 8],
     crc: u32,
     is_finishing: u32,
     /// [`NO_AXIS`] where nothing is known.
     axis: u32,
     below: f32,
+    colour_scale: f32,
+    zero: u32,
 }
 
 const NO_AXIS: u32 = 3;
 
 impl Collapser {
-    fn asked(&self) -> [u64; 4] {
-        [self.capacity, self.most_vertices, self.num_vertex_names, self.base_triangles]
+    fn asked(&self) -> [u64; 6] {
+        let weight = self.colour_weight.to_bits() as usize;
+        let colours = usize::from(self.portion.has_colours);
+        let Self { capacity, most_vertices, num_vertex_names, base_triangles, .. } = *self;
+        [capacity, most_vertices, num_vertex_names, base_triangles, colours, weight]
             .map(|asked| asked as u64)
     }
 
     /// About how many bytes [`save`](Self::save) writes.
     pub(super) fn checkpoint_bytes(&self) -> u64 {
         let portion = &self.portion;
-        Portion::SAVED_VERTEX_BYTES * portion.num_slots() as u64
+        Portion::saved_vertex_bytes(portion.has_colours) * portion.num_slots() as u64
             + Portion::SAVED_NAME_BYTES * self.capacity as u64
             + OTHER_BYTES
     }
@@ -61,6 +66,8 @@ impl Collapser {
             is_finishing: self.is_finishing.into(),
             axis,
             below,
+            colour_scale: self.portion.colour_scale,
+            zero: 0,
         };
         out.put("collapses", &[fixed])?;
         self.portion.save(out)
@@ -88,10 +95,13 @@ impl Collapser {
             && fixed.is_finishing <= 1
             && triangles <= collapser.capacity
             && triangles as u64 <= fixed.read
-            && fixed.num_rounds < u64::MAX / 2;
+            && fixed.num_rounds < u64::MAX / 2
+            && fixed.colour_scale >= 0.0
+            && fixed.colour_scale.is_finite();
         if !sound {
             return Err(CheckpointError::Damaged("collapses").into());
         }
+        collapser.portion.colour_scale = fixed.colour_scale;
         collapser.rounds.num_rounds = fixed.num_rounds;
         collapser.below = (fixed.axis < NO_AXIS).then_some((fixed.axis as usize, fixed.below));
         collapser.read = fixed.read;
@@ -119,7 +129,7 @@ mod tests {
 
     use super::*;
     use crate::collapse::{CollapseState, Collapsed, CollapsedMesh, Collapsing, Recorder};
-    use crate::messy::sheet;
+    use crate::messy::{colour_at, sheet};
     use crate::{CollapseReport, Progress, ReadOrder};
 
     /// Remembers what it is told, and keeps every checkpoint.
@@ -170,7 +180,9 @@ mod tests {
     }
 
     fn source(soup: &[Triangle]) -> Box<dyn TriangleSource + Send> {
-        Box::new(MeshSource::new(IndexedMesh::from_soup(soup), "soup"))
+        let mut mesh = IndexedMesh::from_soup(soup);
+        mesh.colours = mesh.positions.iter().map(|&p| colour_at(p)).collect();
+        Box::new(MeshSource::new(mesh, "soup"))
     }
 
     fn restored(
@@ -230,10 +242,12 @@ mod tests {
             order in prop::option::of(prop::sample::select(
                 vec![ReadOrder::AsIs, ReadOrder::Counted, ReadOrder::Sorted]
             )),
+            colours: bool,
         ) {
             let folder = tempfile::tempdir().unwrap();
             let scratch = Scratch::new(folder.path());
-            let options = options(buffer);
+            let mut options = options(buffer);
+            options.colours = colours;
             let mut soup = wheel(spokes);
             soup.extend(sheet(rows, holes, &mess));
             let mut keeps = Keeps::new(&scratch, 0);
@@ -272,10 +286,12 @@ mod tests {
         fn whatever_is_in_a_checkpoint_nothing_panics(
             changes in prop::collection::vec((any::<usize>(), any::<usize>(), any::<u32>()), 1..3),
             finishing in any::<bool>(),
+            colours: bool,
         ) {
             let folder = tempfile::tempdir().unwrap();
             let scratch = Scratch::new(folder.path());
-            let options = options(1000);
+            let mut options = options(1000);
+            options.colours = colours;
             let mut soup = wheel(40);
             soup.extend(sheet(80, 50, &[]));
             let mut keeps = Keeps::new(&scratch, 0);
@@ -307,7 +323,7 @@ mod tests {
         let v = at % count;
         // Near what is there, or anything.
         let to = if to.is_multiple_of(2) { to % (count as u32 + 2) } else { to };
-        match kind % 9 {
+        match kind % 10 {
             0 => portion.flags[v] = to as u8,
             1 => portion.bounds[v] = f32::from_bits(to),
             2 => portion.waiting[v] = to,
@@ -316,6 +332,7 @@ mod tests {
             5 => portion.vertices[v].position.x = f32::from_bits(to),
             6 => portion.vertices[v].target = to,
             7 => portion.stars.change(v, at / count, to),
+            8 if portion.has_colours => portion.paints[v].area = f32::from_bits(to),
             _ => {
                 let names = portion.names.as_mut().unwrap();
                 let free =
@@ -336,6 +353,10 @@ mod tests {
         let mut keeps = Keeps::new(&scratch, 0);
         run(Collapsing::new(&options(1000)).unwrap(), &soup, None, &mut keeps).unwrap();
         let other = restored(&scratch, &options(1001), 0);
+        assert!(matches!(other, Err(Error::Checkpoint(CheckpointError::Other))));
+        let mut coloured = options(1000);
+        coloured.colours = true;
+        let other = restored(&scratch, &coloured, 0);
         assert!(matches!(other, Err(Error::Checkpoint(CheckpointError::Other))));
         let mut threads = options(1000);
         threads.threads = std::num::NonZero::new(3);

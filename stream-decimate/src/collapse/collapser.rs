@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use halfedge::{FaceId, VertexId};
-use mesh_io::Triangle;
+use mesh_io::{Colour, Triangle};
 use rayon::ThreadPool;
 
 use crate::collapse::round::Rounds;
@@ -15,8 +15,9 @@ use crate::finality::Finality;
 use crate::insert::Inserter;
 use crate::portion::{Portion, state};
 use crate::reorder::reorder;
+use crate::run::Arrived;
 use crate::sealed::Sealed;
-use crate::{Error, Observer, OptionsError, Progress};
+use crate::{Error, Observer, Progress};
 
 /// Takes triangles, and tells collapses.
 #[derive(Debug)]
@@ -25,6 +26,8 @@ pub(crate) struct Collapser {
     pub(super) most_vertices: usize,
     pub(super) num_vertex_names: usize,
     pub(super) base_triangles: usize,
+    /// How much colours count.
+    pub(super) colour_weight: f32,
     pub(super) pool: ThreadPool,
     pub(super) portion: Portion,
     pub(super) inserter: Inserter,
@@ -45,19 +48,24 @@ pub(crate) struct Collapser {
 /// A triangle adds no more vertices: three, and one for each of those that are split because it completes them.
 const VERTICES_OF_TRIANGLE: usize = 6;
 
-/// Goes on with a checksum of triangles.
-pub(crate) fn crc_with(crc: u32, triangles: &[Triangle]) -> u32 {
+/// Goes on with a checksum of triangles and of the colours of their corners, if they have some.
+pub(crate) fn crc_with(crc: u32, triangles: &[Triangle], colours: &[[Colour; 3]]) -> u32 {
     let mut hasher = crc32fast::Hasher::new_with_initial(crc);
-    hasher.update(bytemuck::cast_slice(triangles));
+    if colours.is_empty() {
+        hasher.update(bytemuck::cast_slice(triangles));
+    }
+    // Both of each triangle together, so that it does not matter where batches end.
+    for (triangle, colours) in triangles.iter().zip(colours) {
+        hasher.update(bytemuck::bytes_of(triangle));
+        hasher.update(colours.as_flattened());
+    }
     hasher.finalize()
 }
 
 impl Collapser {
     pub(crate) fn new(options: &CollapseOptions) -> Result<Self, Error> {
+        options.check()?;
         let capacity = options.buffer_triangles;
-        if capacity < 64 {
-            return Err(OptionsError::Buffer(capacity).into());
-        }
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(options.threads.map_or(0, |n| n.get()))
             .build()
@@ -65,6 +73,9 @@ impl Collapser {
         // Memory that is not used is none.
         let mut portion = Portion::with_names(capacity * 9 / 16);
         portion.sealed = Sealed::default();
+        if options.colours {
+            portion = portion.with_colours();
+        }
         let mut inserter = Inserter::default();
         inserter.begin(&mut portion, capacity.min(1 << 20) / 2);
         Ok(Self {
@@ -72,6 +83,7 @@ impl Collapser {
             most_vertices: options.most_vertices(),
             num_vertex_names: options.num_vertex_names() as usize,
             base_triangles: options.base_triangles,
+            colour_weight: options.colour_weight,
             pool,
             portion,
             inserter,
@@ -89,8 +101,7 @@ impl Collapser {
     /// Takes triangles; whenever the buffer is full, collapses it to half.
     pub(crate) fn push<E: From<Error>>(
         &mut self,
-        triangles: &[Triangle],
-        finality: Finality<'_>,
+        Arrived { triangles, colours, finality }: Arrived<'_>,
         recorder: &mut dyn Recorder<E>,
         observer: &mut Observer<'_>,
     ) -> Result<(), E> {
@@ -111,9 +122,11 @@ impl Collapser {
             }
             let end = triangles.len().min(at + room);
             let last = last.get(at..end).unwrap_or_default();
-            self.inserter.insert_all(&mut self.portion, &triangles[at..end], last, self.read);
+            let colours = colours.get(at..end).unwrap_or_default();
+            let triangles = &triangles[at..end];
+            self.inserter.insert_all(&mut self.portion, triangles, colours, last, self.read);
             self.read += (end - at) as u64;
-            self.crc = crc_with(self.crc, &triangles[at..end]);
+            self.crc = crc_with(self.crc, triangles, colours);
             at = end;
         }
         if let Finality::Below { axis, coordinate } = finality {
@@ -163,9 +176,10 @@ impl Collapser {
 
     /// Makes ready for collapses.
     fn prepare(&mut self) {
-        let Self { portion, pool, .. } = self;
+        let Self { portion, pool, colour_weight, .. } = self;
         portion.settle();
         pool.install(|| reorder(portion));
+        portion.scale_colours(*colour_weight);
     }
 
     /// Collapses down to this number of triangles, or as far as that goes.
@@ -257,6 +271,7 @@ impl Collapser {
                 name: name(v),
                 position: portion.position(v),
                 normal: portion.identities[v as usize].normal.normalize_or_zero(),
+                colour: portion.paints.get(v as usize).map(|paint| paint.colour),
             });
             let fans = portion.stars.fans(v);
             let tags = portion.stars.tags(v).iter().enumerate();
@@ -280,7 +295,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::messy::sheet;
+    use crate::messy::{colour_at, sheet};
 
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..Default::default() })]
@@ -291,14 +306,17 @@ mod tests {
             holes in 3usize..50,
             mess in prop::collection::vec(any::<usize>(), 0..40),
             buffer in 200usize..2000,
+            coloured: bool,
         ) {
             let mut options = CollapseOptions::default();
             (options.buffer_triangles, options.base_triangles) = (buffer, 4);
+            options.colours = coloured;
             let mut collapser = Collapser::new(&options).unwrap();
             let (mut vertices, mut faces) = (0u64, 0u64);
             let mut count = |collapse: &Collapsed| {
                 vertices += 1;
                 faces += 1 + u64::from(collapse.reverse.is_some());
+                assert_eq!(collapse.colour, coloured.then(|| colour_at(collapse.position)));
                 assert!(collapse.removed.get() < options.num_vertex_names());
                 assert!(collapse.half_edge.face().get() < options.num_face_names());
                 Ok::<(), Error>(())
@@ -306,7 +324,10 @@ mod tests {
             let go_on = &mut |_: &Progress| ControlFlow::Continue(());
             let input = sheet(rows, holes, &mess);
             for batch in input.chunks(50) {
-                match collapser.push(batch, Finality::Unknown, &mut count, go_on) {
+                let colours: Vec<_> = batch.iter().map(|t| t.map(colour_at)).collect();
+                let arrived =
+                    Arrived { triangles: batch, colours: &colours, finality: Finality::Unknown };
+                match collapser.push(arrived, &mut count, go_on) {
                     Ok(()) => {}
                     Err(Error::Unsorted { .. }) => return Ok(()),
                     Err(error) => panic!("{error}"),
@@ -323,6 +344,10 @@ mod tests {
             let left_out = repaired.non_finite + repaired.degenerate + repaired.duplicate;
             prop_assert_eq!(report.input_triangles, input.len() as u64);
             prop_assert_eq!(faces + rest.faces.len() as u64 + left_out, report.input_triangles);
+            prop_assert_eq!(repaired.recoloured, 0);
+            for vertex in &rest.vertices {
+                prop_assert_eq!(vertex.colour, coloured.then(|| colour_at(vertex.position)));
+            }
             let names: HashSet<_> = rest.vertices.iter().map(|vertex| vertex.name).collect();
             prop_assert_eq!(names.len(), rest.vertices.len());
             prop_assert!(rest.faces.iter().flat_map(|face| face.corners).all(|v| names.contains(&v)));

@@ -196,6 +196,7 @@ fn collapse(window: &mut Window<'_>, v: u32, threshold: f32, done: &mut Done) {
     let to = window.vertex_mut(u);
     to.quadric = rate::merged(&to.quadric, &from.quadric, from.position - to.position);
     to.deviation = deviation;
+    window.take_paint(v, u);
     let mean = window.identity(v).mean;
     window.identity_mut(u).mean += mean;
     window.stars.collapse(v, u);

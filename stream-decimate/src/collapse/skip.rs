@@ -1,6 +1,6 @@
 //! Reading once more what an earlier run has read.
 
-use mesh_io::Triangle;
+use mesh_io::{Colour, Triangle};
 
 use crate::collapse::collapser::crc_with;
 use crate::finality::{Feed, Finality};
@@ -12,6 +12,8 @@ pub(crate) struct Rest<'a> {
     feed: &'a mut dyn Feed,
     /// What is left of the last batch that was read.
     first: Vec<Triangle>,
+    /// And the colours of that, if there are any.
+    first_colours: Vec<[Colour; 3]>,
     known: Known,
     /// Whether that is what was given last.
     gave_first: bool,
@@ -34,7 +36,8 @@ pub(crate) fn skip<'a>(
             return Err(Error::OtherInput { read });
         }
         let skipped = left.min(count as u64);
-        found = crc_with(found, &triangles[..skipped as usize]);
+        let colours = feed.colours().get(..skipped as usize).unwrap_or_default();
+        found = crc_with(found, &triangles[..skipped as usize], colours);
         left -= skipped;
         triangles.drain(..skipped as usize);
         let stage = Stage::Skipping;
@@ -52,7 +55,9 @@ pub(crate) fn skip<'a>(
         }
         finality => Known::new(finality),
     };
-    Ok(Rest { feed, first: triangles, known, gave_first: false, read })
+    let colours = feed.colours();
+    let first_colours = colours[colours.len().saturating_sub(triangles.len())..].to_vec();
+    Ok(Rest { feed, first: triangles, first_colours, known, gave_first: false, read })
 }
 
 impl Rest<'_> {
@@ -76,6 +81,10 @@ impl Feed for Rest<'_> {
             return Ok(count);
         }
         self.feed.read(out, max)
+    }
+
+    fn colours(&self) -> &[[Colour; 3]] {
+        if self.gave_first { &self.first_colours } else { self.feed.colours() }
     }
 
     fn finality(&self) -> Finality<'_> {

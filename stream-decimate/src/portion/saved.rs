@@ -22,7 +22,9 @@ pub(crate) struct Limits {
 
 impl Portion {
     /// Bytes that [`save`](Self::save) writes for a vertex, with its name where that is free.
-    pub(crate) const SAVED_VERTEX_BYTES: u64 = 64 + 32 + 1 + 4 + 4 + 2 * 64 + 4;
+    pub(crate) const fn saved_vertex_bytes(has_colours: bool) -> u64 {
+        64 + 32 + 1 + 4 + 4 + 2 * 64 + 4 + if has_colours { 8 } else { 0 }
+    }
     /// And for a triangle's name where that is free.
     pub(crate) const SAVED_NAME_BYTES: u64 = 4;
     /// And for a triangle, if all stars are long.
@@ -35,6 +37,9 @@ impl Portion {
         out.put("flags", &self.flags)?;
         out.put("bounds", &self.bounds)?;
         out.put("waiting", &self.waiting)?;
+        if self.has_colours {
+            out.put("paints", &self.paints)?;
+        }
         self.stars.save(out)?;
         if let Some(Names { vertices, faces }) = &self.names {
             out.put("used names", &[[vertices.used, faces.used]])?;
@@ -56,6 +61,9 @@ impl Portion {
         from.take("flags", most, &mut self.flags)?;
         from.take("bounds", most, &mut self.bounds)?;
         from.take("waiting", most, &mut self.waiting)?;
+        if self.has_colours {
+            from.take("paints", most, &mut self.paints)?;
+        }
         self.stars.restore(from, most)?;
         let [vertices, faces] = from.take_one::<[u32; 2]>("used names")?;
         if vertices > limits.vertex_names || faces > limits.face_names.min(u32::MAX / 3) {
@@ -75,7 +83,8 @@ impl Portion {
         let count = self.vertices.len();
         let lengths =
             [self.identities.len(), self.flags.len(), self.bounds.len(), self.waiting.len()];
-        if lengths != [count; 4] || self.stars.len() != count {
+        let num_paints = if self.has_colours { count } else { 0 };
+        if lengths != [count; 4] || self.stars.len() != count || self.paints.len() != num_paints {
             return Err("arrays");
         }
         let vertex_names = Bits::new(names.vertices.used as usize);
@@ -98,7 +107,11 @@ impl Portion {
             if !vertex_names.add(identity.name) {
                 return Err("names");
             }
-            let sound = self.position(v).is_finite() && u64::from(identity.touched) <= collapses;
+            let area = self.paints.get(v as usize).map_or(0.0, |paint| paint.area);
+            let sound = self.position(v).is_finite()
+                && u64::from(identity.touched) <= collapses
+                && area >= 0.0
+                && area.is_finite();
             if sound { Ok(()) } else { Err("vertices") }
         })?;
         let num_corners = (0..count as u32)

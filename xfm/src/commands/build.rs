@@ -66,6 +66,10 @@ pub struct BuildArgs {
     /// How far compact may move vertices: a share of the bounding box's diagonal, or in model units with a u, like 0.05u
     #[arg(long, value_name = "SHARE", default_value = "2e-4", value_parser = values::position_error)]
     position_error: PositionError,
+    /// How much colours of vertices count: one wrong by all of a component as much as a surface wrong by this share of the
+    /// bounding box's diagonal; 0 is not at all
+    #[arg(long, value_name = "W", default_value = "0.002", value_parser = values::weight)]
+    colour_weight: f32,
     /// Format of the input where its name does not tell: stl, ply, obj, gltf, glb
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     from: Option<Format>,
@@ -139,7 +143,9 @@ impl BuildArgs {
         };
         let expected = plan::expected_triangles(input, &self.input)?;
         let scratch = scratch_folder(self.scratch.as_deref(), || scratch_beside(&self.output))?;
-        let mut plan = Plan::new(expected, self.memory, forced, scratch);
+        let colours = input.is_file() && input.open()?.has_colours();
+        let plan = Plan::new(expected, self.memory, forced, scratch);
+        let mut plan = plan.with_colours(colours, forced);
         plan.keeps = self.scratch.is_some();
         Ok(plan)
     }
@@ -152,6 +158,7 @@ fn build(args: &BuildArgs, input: &Input, plan: &Plan) -> Result<Built, Error> {
         path,
         output,
         write,
+        colour_weight: args.colour_weight,
         threads: args.threads,
         resume: args.resume,
         checkpoint_every: args.checkpoint_every,

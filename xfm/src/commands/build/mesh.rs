@@ -31,6 +31,8 @@ pub struct Request<'a> {
     pub output: &'a Path,
     /// How the file is written, whatever its frame.
     pub write: WriteOptions,
+    /// How much colours count.
+    pub colour_weight: f32,
     /// Threads to use at most.
     pub threads: Option<NonZeroUsize>,
     /// Whether to go on with what an earlier run has left.
@@ -51,6 +53,7 @@ pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
     options.resume = request.resume;
     options.checkpoint_every = request.checkpoint_every;
     options.threads = request.threads;
+    options.colour_weight = request.colour_weight;
     let keep = options.keep.clone();
     let mut bars = Bars::default();
     let mut observer = |progress: MeshProgress| bars.show(progress, plan.expected_triangles);
@@ -159,7 +162,8 @@ fn keep(request: &Request<'_>) -> Keep {
         "a pipe".to_owned()
     };
     let (write, version) = (&request.write, env!("CARGO_PKG_VERSION"));
-    let identity = format!("{input}\n{write:?}\n{version}");
+    let colours = request.colour_weight;
+    let identity = format!("{input}\n{write:?}\n{colours}\n{version}");
     Keep { name: kept_name(request.output), identity: identity.into_bytes() }
 }
 

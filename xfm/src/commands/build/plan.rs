@@ -67,6 +67,8 @@ pub struct Plan {
     pub scratch: PathBuf,
     /// Whether a run that is broken off leaves there what a later one can go on from.
     pub keeps: bool,
+    /// Whether vertices have colours.
+    pub colours: bool,
 }
 
 impl Plan {
@@ -83,7 +85,14 @@ impl Plan {
         options.expected_triangles = expected_triangles;
         options.mode = forced.map(Mode::of_build);
         let mode = Mode::new(options.plan().mode);
-        Self { mode, expected_triangles, memory, scratch, keeps: false }
+        Self { mode, expected_triangles, memory, scratch, keeps: false, colours: false }
+    }
+
+    /// The same for vertices with colours or without.
+    pub fn with_colours(self, colours: bool, forced: Option<Mode>) -> Self {
+        let mut options = Self { colours, ..self.clone() }.options();
+        options.mode = forced.map(Mode::of_build);
+        Self { mode: Mode::new(options.plan().mode), colours, ..self }
     }
 
     /// Makes sure that the disks have room for the file and for what is written on the way to it.
@@ -93,12 +102,14 @@ impl Plan {
     /// [`Error::NoRoom`] where they have not, as far as the system tells and the input says how large it is.
     pub fn check_room(&self, output: &Path) -> Result<(), Error> {
         let Some(triangles) = self.expected_triangles else { return Ok(()) };
-        let triangles_bytes = triangles.saturating_mul(SCRATCH_BYTES_PER_TRIANGLE);
+        // Of a node, of which there is one for two triangles.
+        let colour_bytes = if self.colours { 2 } else { 0 };
+        let triangles_bytes = triangles.saturating_mul(SCRATCH_BYTES_PER_TRIANGLE + colour_bytes);
         let beside = match output.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let file = triangles.saturating_mul(FILE_BYTES_PER_TRIANGLE);
+        let file = triangles.saturating_mul(FILE_BYTES_PER_TRIANGLE + colour_bytes);
         // What the memory holds besides need not lie on the disk, but what it will hold is not known yet.
         let on_disk = match self.mode {
             // The log, and all of what is made of it.
@@ -129,7 +140,7 @@ impl Plan {
         let (Mode::InCore, Some(triangles)) = (self.mode, self.expected_triangles) else {
             return Ok(());
         };
-        let (needed, memory) = (MeshOptions::in_core_bytes(triangles), self.memory);
+        let (needed, memory) = (self.options().in_core_bytes(triangles), self.memory);
         if needed > memory {
             return Err(Error::MemoryTooSmall {
                 file: input.to_owned(),
@@ -147,6 +158,7 @@ impl Plan {
         options.memory_bytes = self.memory;
         options.expected_triangles = self.expected_triangles;
         options.mode = Some(self.mode.of_build());
+        options.colours = self.colours;
         options
     }
 }
