@@ -60,11 +60,11 @@ pub struct PackedPages {
 }
 
 impl PackedPages {
-    /// The page that a draft is in, and the number of the block put there after so many.
+    /// The page that a draft is in, and the number of the block put there after so many; `None` for no draft.
     #[inline]
-    pub fn block(&self, place: DraftPlace) -> (u32, u32) {
-        let (page, first) = self.drafts[place.draft as usize];
-        (page, first + place.block)
+    pub fn block(&self, place: DraftPlace) -> Option<(u32, u32)> {
+        let &(page, first) = self.drafts.get(place.draft as usize)?;
+        Some((page, first + place.block))
     }
 }
 
@@ -124,7 +124,8 @@ impl PagePacker {
         new
     }
 
-    /// Ends filling. Pages that stayed small share one with the next small one of their layer, as long as they fit.
+    /// Ends filling. Pages that stayed small share one with the next small one of their layer, the last of a layer also with
+    /// those of the next, as long as they fit.
     ///
     /// # Complexity
     /// Time and memory linear in the number of pages.
@@ -138,10 +139,8 @@ impl PagePacker {
         let mut places = vec![(NONE, 0); drafts.len()];
         let mut pages: Vec<PackedPage> = Vec::with_capacity(drafts.len());
         let mut layer: Vec<u32> = siblings(first_root).collect();
-        let mut block = 0;
+        let mut small = None;
         while !layer.is_empty() {
-            let begin = pages.len();
-            let mut small = None;
             for &draft in &layer {
                 let Draft { nodes, blocks, .. } = drafts[draft as usize];
                 let is_small = nodes < page_nodes / 4 * 3;
@@ -151,22 +150,23 @@ impl PagePacker {
                 let page = shared.unwrap_or(pages.len());
                 if page == pages.len() {
                     pages.push(PackedPage { first_block: 0, blocks: 0, nodes: 0 });
-                    if is_small {
-                        small = Some(page);
-                    }
+                    small = if is_small { Some(page) } else { small };
                 }
                 places[draft as usize] = (page as u32, pages[page].blocks);
                 pages[page].blocks += blocks;
                 pages[page].nodes += nodes;
             }
-            for page in &mut pages[begin..] {
-                page.first_block = block;
-                block += page.blocks;
-            }
+            // In the next layer only the last one can be shared: pages come after all that they hang under.
+            small = small.filter(|&page| page + 1 == pages.len());
             layer = layer
                 .iter()
                 .flat_map(|&page| siblings(drafts[page as usize].first_child))
                 .collect();
+        }
+        let mut block = 0;
+        for page in &mut pages {
+            page.first_block = block;
+            block += page.blocks;
         }
         for (page, first) in &mut places {
             *first += pages[*page as usize].first_block;
@@ -198,12 +198,12 @@ mod tests {
         let packed = packer.finish();
         let blocks: Vec<_> = [root, other, next_root, full, small, beside, below]
             .into_iter()
-            .map(|place| packed.block(place))
+            .filter_map(|place| packed.block(place))
             .collect();
-        // The small page below the first and the one below the second share one.
-        assert_eq!(blocks, [(0, 0), (0, 1), (1, 3), (2, 4), (3, 7), (3, 8), (4, 9)]);
+        // The second page of roots is the last of its layer, and small: small ones below share it.
+        assert_eq!(blocks, [(0, 0), (0, 1), (1, 3), (2, 6), (1, 4), (1, 5), (3, 9)]);
         let sizes: Vec<_> = packed.pages.iter().map(|page| page.nodes).collect();
-        assert_eq!(sizes, [10, 1, 9, 5, 5]);
+        assert_eq!(sizes, [10, 6, 9, 5]);
     }
 
     proptest! {
@@ -223,7 +223,7 @@ mod tests {
             let packed = packer.finish();
             let mut seen: Vec<u32> = Vec::new();
             for &(place, blocks) in &places {
-                let (page, first) = packed.block(place);
+                let (page, first) = packed.block(place).unwrap();
                 let page = packed.pages[page as usize];
                 prop_assert!(first >= page.first_block && first + blocks <= page.first_block + page.blocks);
                 seen.extend(first..first + blocks);
