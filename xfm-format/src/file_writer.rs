@@ -105,7 +105,9 @@ impl WriteOptions {
         }
         let (PositionError::OfDiagonal(error) | PositionError::Units(error)) = self.position_error;
         if !(error > 0.0 && error < MAX_ERROR) {
-            return Err(Error::PositionError { what: "is not a number above zero" });
+            return Err(Error::PositionError {
+                what: "is not a number above zero and below 10^29",
+            });
         }
         Ok(())
     }
