@@ -15,6 +15,8 @@ struct Frame {
     // 1 where triangles are clockwise seen from outside, else 0.
     inside_out: f32,
     padding: f32,
+    // A plane in view space: what lies on its positive side is cut away, where a pass looks at it.
+    section: vec4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -36,4 +38,9 @@ fn to_target(linear: vec3<f32>, alpha: f32) -> vec4<f32> {
         return vec4<f32>(to_srgb(linear), alpha);
     }
     return vec4<f32>(linear, alpha);
+}
+
+fn to_target_premultiplied(linear: vec3<f32>, alpha: f32) -> vec4<f32> {
+    let colour = to_target(linear, alpha);
+    return vec4<f32>(colour.rgb * alpha, alpha);
 }

@@ -7,7 +7,7 @@ struct Line {
     padding: u32,
 }
 
-@group(0) @binding(1) var<storage, read> lines: array<Line>;
+@group(1) @binding(0) var<storage, read> lines: array<Line>;
 
 struct Quad {
     @builtin(position) clip: vec4<f32>,

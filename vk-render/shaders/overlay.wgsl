@@ -9,7 +9,7 @@ struct Cell {
     solid: u32,
 }
 
-@group(0) @binding(2) var<storage, read> cells: array<Cell>;
+@group(1) @binding(0) var<storage, read> cells: array<Cell>;
 
 struct Glyph {
     @builtin(position) clip: vec4<f32>,

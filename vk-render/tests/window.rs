@@ -40,6 +40,7 @@ impl App {
             vertex_ranges: &vertex_ranges,
             triangles: &triangles,
             triangle_ranges: &triangle_ranges,
+            ..MeshUpdate::default()
         })?;
         let (width, height) = target.size();
         let mut scene = Scene::new(mesh, camera(width.max(1), height.max(1)));
