@@ -3,7 +3,7 @@
 struct Frame {
     view: mat4x4<f32>,
     projection: mat4x4<f32>,
-    // Colours are linear.
+    // In sRGB.
     background_top: vec4<f32>,
     background_bottom: vec4<f32>,
     viewport_px: vec2<f32>,
@@ -40,7 +40,10 @@ fn to_target(linear: vec3<f32>, alpha: f32) -> vec4<f32> {
     return vec4<f32>(linear, alpha);
 }
 
-fn to_target_premultiplied(linear: vec3<f32>, alpha: f32) -> vec4<f32> {
-    let colour = to_target(linear, alpha);
-    return vec4<f32>(colour.rgb * alpha, alpha);
+// For what has its colour in sRGB already: nothing is to be done where the target stores it so.
+fn srgb_to_target(srgb: vec3<f32>) -> vec3<f32> {
+    if frame.encode > 0.5 {
+        return srgb;
+    }
+    return to_linear(srgb);
 }

@@ -45,5 +45,5 @@ fn fs_overlay(in: Glyph) -> @location(0) vec4<f32> {
     if in.solid == 0u && ((word >> bit) & 1u) == 0u {
         discard;
     }
-    return to_target(to_linear(in.rgba.rgb), in.rgba.a);
+    return vec4<f32>(srgb_to_target(in.rgba.rgb), in.rgba.a);
 }

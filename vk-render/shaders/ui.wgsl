@@ -29,12 +29,14 @@ fn vs_ui(@builtin(vertex_index) index: u32) -> Piece {
     return out;
 }
 
-// Colours come multiplied with their opacity, in sRGB, and are mixed as light.
+// Colours come multiplied with their opacity, in sRGB; they are mixed as the target mixes.
 @fragment
 fn fs_ui(in: Piece) -> @location(0) vec4<f32> {
     // At an edge with several samples the middle of a pixel may lie outside of the triangle, and so beyond its colours.
     let seen = clamp(in.rgba, vec4<f32>(0.0), vec4<f32>(1.0)) * textureSample(atlas, atlas_sampler, in.uv);
-    let opacity = max(seen.a, 1e-6);
-    let linear = to_linear(min(seen.rgb / opacity, vec3<f32>(1.0)));
-    return to_target_premultiplied(linear, seen.a);
+    if frame.encode > 0.5 {
+        return seen;
+    }
+    let colour = to_linear(min(seen.rgb / max(seen.a, 1e-6), vec3<f32>(1.0)));
+    return vec4<f32>(colour * seen.a, seen.a);
 }

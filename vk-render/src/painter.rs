@@ -11,7 +11,7 @@ use crate::scene::{Line, Scene, Shading};
 use crate::ui::{Ui, UiPiece};
 use ash::vk;
 use bytemuck::{Pod, Zeroable};
-use glam::{Mat4, Vec3, Vec4};
+use glam::{Mat4, Vec4};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -321,8 +321,8 @@ fn constants(scene: &Scene<'_>, size: vk::Extent2D, encode: bool) -> Constants {
     Constants {
         view: scene.camera.view,
         projection: scene.camera.projection,
-        background_top: linear(scene.background.top).extend(1.0),
-        background_bottom: linear(scene.background.bottom).extend(1.0),
+        background_top: srgb(scene.background.top),
+        background_bottom: srgb(scene.background.bottom),
         viewport_px: [size.width as f32, size.height as f32],
         line_width_px: scene.line_width_px.clamp(0.5, 64.0),
         max_level: scene.max_level.into(),
@@ -340,21 +340,6 @@ fn constants(scene: &Scene<'_>, size: vk::Extent2D, encode: bool) -> Constants {
     }
 }
 
-fn linear(srgb: [u8; 3]) -> Vec3 {
-    Vec3::from_array(srgb.map(|byte| {
-        let x = f32::from(byte) / 255.0;
-        if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
-    }))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_ends_of_srgb_stay_where_they_are() {
-        assert_eq!(linear([0; 3]), Vec3::ZERO);
-        assert!((linear([255; 3]) - Vec3::ONE).length() < 1e-6);
-        assert!((linear([188; 3]).x - 0.5029).abs() < 1e-3);
-    }
+fn srgb([r, g, b]: [u8; 3]) -> Vec4 {
+    Vec4::new(r.into(), g.into(), b.into(), 255.0) / 255.0
 }

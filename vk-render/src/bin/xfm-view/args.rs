@@ -100,6 +100,9 @@ pub(crate) struct Args {
     /// Leave after so many frames; for tests
     #[arg(long, value_name = "N", hide = true)]
     pub(crate) quit_after: Option<u64>,
+    /// Act in this frame as if the device were lost; for tests
+    #[arg(long, value_name = "N", hide = true)]
+    pub(crate) lose_device: Option<u64>,
 }
 
 impl Args {

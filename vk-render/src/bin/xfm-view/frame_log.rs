@@ -51,12 +51,14 @@ pub(crate) fn entry(
 /// All frames as a table: the names, then a line each.
 pub(crate) fn csv(frames: &[Map<String, Value>]) -> String {
     let Some(first) = frames.first() else { return String::new() };
-    let names: Vec<&str> = first.keys().map(String::as_str).collect();
+    // Which frame it is comes first.
+    let mut names: Vec<&str> = first.keys().map(String::as_str).collect();
+    names.sort_by_key(|&name| name != "frame");
     let mut text = names.join(",") + "\n";
     for frame in frames {
-        let values: Vec<String> = frame
-            .values()
-            .map(|value| match value {
+        let values: Vec<String> = names
+            .iter()
+            .map(|&name| match frame.get(name).unwrap_or(&Value::Null) {
                 Value::Null => String::new(),
                 Value::String(text) => format!("\"{}\"", text.replace('"', "\"\"")),
                 other => other.to_string(),
@@ -94,9 +96,10 @@ mod tests {
     fn a_table_has_names_and_quotes_text() {
         let mut frame = Map::new();
         frame.insert("a".into(), json!(1));
+        frame.insert("frame".into(), json!(7));
         frame.insert("b".into(), json!("x, y"));
         frame.insert("c".into(), Value::Null);
-        assert_eq!(csv(&[frame]), "a,b,c\n1,\"x, y\",\n");
+        assert_eq!(csv(&[frame]), "frame,a,b,c\n7,1,\"x, y\",\n");
         assert_eq!(csv(&[]), "");
     }
 }

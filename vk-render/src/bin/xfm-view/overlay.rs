@@ -96,6 +96,20 @@ impl Overlay {
         }
     }
 
+    /// Whether a panel is at a place, in pixels from the upper left. Asked of the place itself: where egui last saw the
+    /// pointer may be a frame ago.
+    pub(crate) fn covers(&self, place: glam::Vec2) -> bool {
+        let scale = self.context.pixels_per_point();
+        let place = egui::pos2(place.x / scale, place.y / scale);
+        match self.context.layer_id_at(place) {
+            // Bars take their part of the window away.
+            Some(layer) if layer.order == egui::Order::Background => {
+                !self.context.available_rect().contains(place)
+            }
+            other => other.is_some(),
+        }
+    }
+
     /// What was painted, in pieces for [`Self::ui`].
     pub(crate) fn pieces(&self) -> Vec<UiPiece<'_>> {
         let with_texture = |(id, clip_px, indices): &(TextureId, [f32; 4], Range<u32>)| {

@@ -56,6 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Error> {
         pointer: Pointer::default(),
         modifiers: Default::default(),
         clipboard: Clipboard::default(),
+        last_begin: None,
         last_frame: None,
         due: None,
         frames: 0,
@@ -78,7 +79,9 @@ struct App<'a> {
     modifiers: winit::keyboard::ModifiersState,
     clipboard: Clipboard,
     log: Option<FrameLog>,
-    /// When the last frame ended.
+    /// When the last frame began.
+    last_begin: Option<Instant>,
+    /// When it ended.
     last_frame: Option<Instant>,
     /// When the next one is due, if nothing happens before.
     due: Option<Instant>,
@@ -96,8 +99,13 @@ impl App<'_> {
         if width == 0 || height == 0 || self.occluded {
             return Ok(());
         }
+        if self.args.lose_device == Some(self.frames) {
+            self.frames += 1;
+            return Err(vk_render::Error::DeviceLost.into());
+        }
         let begin = Instant::now();
-        let passed = self.last_frame.map_or(Duration::ZERO, |last| begin - last);
+        let passed = self.last_begin.map_or(Duration::ZERO, |last| begin - last);
+        self.last_begin = Some(begin);
         self.viewer.poll();
         if std::mem::take(&mut self.viewer.is_new) {
             screen.mesh = vk_render::MeshBuffers::new(&screen.context)?;
@@ -256,8 +264,7 @@ impl App<'_> {
             return self.draw(events);
         }
         let taken = screen.egui.on_window_event(&screen.window, event);
-        let over_panel = screen.overlay.context.wants_pointer_input()
-            || screen.overlay.context.is_pointer_over_area();
+        let over_panel = self.pointer.place().is_some_and(|place| screen.overlay.covers(place));
         let scale = screen.window.scale_factor() as f32;
         if taken.repaint {
             screen.window.request_redraw();

@@ -23,7 +23,9 @@ pub(crate) struct Recording {
 impl Recording {
     /// Notes where the camera is after `passed` more time: a pose for every thirtieth of a second.
     pub(crate) fn note(&mut self, camera: &Camera, passed: Duration) {
-        self.time += passed;
+        if !self.path.is_empty() {
+            self.time += passed;
+        }
         let due = 1 + (self.time.as_secs_f32() * POSES_PER_SECOND) as usize;
         while self.path.len() < due {
             self.path.push(camera);
@@ -47,23 +49,27 @@ impl Recording {
 #[derive(Clone, Debug)]
 pub(crate) struct Replay {
     path: CameraPath,
-    time: f32,
+    /// Seconds since it began; `None` before that.
+    time: Option<f32>,
+    ended: bool,
 }
 
 impl Replay {
     pub(crate) fn new(path: CameraPath) -> Self {
-        Self { path, time: 0.0 }
+        Self { path, time: None, ended: false }
     }
 
-    /// The camera after `passed` more time; `None` once the path has ended.
+    /// The camera after `passed` more time, the first and the last pose among them; `None` once the path has ended.
     pub(crate) fn step(&mut self, passed: Duration, lens: &Camera) -> Option<Camera> {
-        let length = (self.path.len() - 1) as f32 / POSES_PER_SECOND;
-        if self.time > length {
+        if self.ended {
             return None;
         }
-        let share = if length > 0.0 { self.time / length } else { 0.0 };
-        self.time += passed.as_secs_f32().max(1e-3);
-        Some(self.path.camera(share, lens))
+        // What passed before it began does not count.
+        let time = self.time.map_or(0.0, |time| time + passed.as_secs_f32());
+        self.time = Some(time);
+        let length = (self.path.len() - 1) as f32 / POSES_PER_SECOND;
+        self.ended = time >= length;
+        Some(self.path.camera(if length > 0.0 { time / length } else { 0.0 }, lens))
     }
 }
 
@@ -128,7 +134,7 @@ mod tests {
         while let Some(camera) = replay.step(Duration::from_millis(100), &lens) {
             eyes.push(camera.eye.x);
         }
-        assert!((12..=13).contains(&eyes.len()), "{eyes:?}");
+        assert!((13..=14).contains(&eyes.len()) && eyes[0] == 0.0, "{eyes:?}");
         assert!(eyes.windows(2).all(|w| w[1] > w[0]));
     }
 

@@ -41,6 +41,8 @@ pub(crate) fn paint_colours() -> [([u8; 4], &'static str); 4] {
 #[derive(Debug, Default)]
 pub(super) struct Painted {
     paint: Paint,
+    /// Blocks that had come and gone.
+    traffic: [u64; 3],
     colours: Vec<[u8; 4]>,
     fresh: Vec<[u8; 4]>,
 }
@@ -71,8 +73,11 @@ impl Painted {
                 return Vec::new();
             }
         };
-        // Blocks come and go without a change of the mesh; a block's colour stays.
-        let stale = paint != self.paint || paint == Paint::Residency;
+        // Blocks come and go without a change of the mesh.
+        let total = session.pager().stats().total;
+        let traffic = [total.loads, total.read_ahead, total.evictions];
+        let moved = std::mem::replace(&mut self.traffic, traffic) != traffic;
+        let stale = paint != self.paint || (paint == Paint::Residency && moved);
         if !stale && changes.vertices.is_empty() && changes.triangles.is_empty() {
             return Vec::new();
         }

@@ -77,7 +77,8 @@ pub(super) fn legend(context: &Context, state: &State) {
         Look::Residency => paint_colours().map(|(colour, words)| (rgb(colour), words)).to_vec(),
         _ => return,
     };
-    area("legend", Align2::LEFT_BOTTOM, [8.0, -8.0]).show(context, |ui| {
+    // Above the line at the bottom.
+    area("legend", Align2::LEFT_BOTTOM, [8.0, -44.0]).show(context, |ui| {
         panel().show(ui, |ui| {
             ui.horizontal(|ui| {
                 for (colour, words) in entries {
@@ -129,28 +130,26 @@ pub(super) fn status(context: &Context, state: &State) {
     });
 }
 
-/// Messages, at the bottom of the picture.
+/// Messages, at the bottom of the picture, the latest lowest. Each is an area of its own, so that none is larger than its
+/// text and in the way of the mouse.
 pub(super) fn notices(context: &Context, state: &State, asked: &mut Vec<Action>) {
-    if state.notices.shown().is_empty() {
-        return;
-    }
     let width = (context.content_rect().width() - 80.0).min(760.0);
-    area("notices", Align2::CENTER_BOTTOM, [0.0, -44.0]).show(context, |ui| {
-        ui.set_max_width(width);
-        ui.vertical_centered(|ui| {
-            for notice in state.notices.shown() {
-                let colour = if notice.is_error { style::BAD } else { style::TEXT };
-                let text = RichText::new(&notice.text).color(colour);
-                panel().show(ui, |ui| {
-                    let label = egui::Label::new(text).wrap_mode(egui::TextWrapMode::Wrap);
-                    let label = label.sense(egui::Sense::click());
-                    if ui.add(label).on_hover_text("Click to dismiss").clicked() {
-                        asked.push(Action::DismissNotice(notice.text.clone()));
-                    }
-                });
-            }
+    let mut bottom = -44.0;
+    for (i, notice) in state.notices.shown().iter().rev().enumerate() {
+        let colour = if notice.is_error { style::BAD } else { style::TEXT };
+        let text = RichText::new(&notice.text).color(colour);
+        let anchored = area(&format!("notice {i}"), Align2::CENTER_BOTTOM, [0.0, bottom]);
+        let shown = anchored.show(context, |ui| {
+            ui.set_max_width(width);
+            panel().show(ui, |ui| {
+                let label = egui::Label::new(text).sense(egui::Sense::click());
+                if ui.add(label).on_hover_text("Click to dismiss").clicked() {
+                    asked.push(Action::DismissNotice(notice.text.clone()));
+                }
+            });
         });
-    });
+        bottom -= shown.response.rect.height() + 4.0;
+    }
 }
 
 /// What the mouse does, until it has been used.
@@ -169,5 +168,10 @@ fn area(name: &str, anchor: Align2, offset: [f32; 2]) -> Area {
 }
 
 fn panel() -> Frame {
-    Frame::new().fill(style::PANEL).corner_radius(5.0).inner_margin(egui::Margin::symmetric(10, 5))
+    let edge = Stroke::new(1.0, Color32::from_rgb(58, 63, 72));
+    Frame::new()
+        .fill(style::PANEL)
+        .stroke(edge)
+        .corner_radius(5.0)
+        .inner_margin(egui::Margin::symmetric(10, 5))
 }

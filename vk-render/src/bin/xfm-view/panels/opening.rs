@@ -21,7 +21,8 @@ pub(super) fn show(context: &Context, facts: &Facts<'_>, asked: &mut Vec<Action>
         if facts.model.is_none() {
             anchor("welcome").show(context, |ui| {
                 ui.heading("Drop a file here");
-                ui.label("a .xfm file, or a mesh: STL, PLY, OBJ, glTF; .gz and .zst too");
+                let text = "A .xfm file, or a mesh: STL, PLY, OBJ, glTF; .gz and .zst too";
+                ui.add(egui::Label::new(text).extend());
             });
         }
         return;

@@ -8,6 +8,8 @@ pub(crate) struct Notice {
     pub(crate) text: String,
     pub(crate) is_error: bool,
     left: Duration,
+    /// Not seen yet: what passed before it was said does not count.
+    fresh: bool,
 }
 
 /// Those that are shown, the oldest first.
@@ -32,13 +34,15 @@ impl Notices {
         if self.shown.len() >= Self::MOST {
             self.shown.remove(0);
         }
-        self.shown.push(Notice { text, is_error, left });
+        self.shown.push(Notice { text, is_error, left, fresh: true });
     }
 
     /// Lets time pass.
     pub(crate) fn step(&mut self, passed: Duration) {
         self.shown.retain_mut(|notice| {
-            notice.left = notice.left.saturating_sub(passed);
+            if !std::mem::take(&mut notice.fresh) {
+                notice.left = notice.left.saturating_sub(passed);
+            }
             !notice.left.is_zero()
         });
     }
