@@ -359,7 +359,7 @@ fn memory_does_not_grow_from_frame_to_frame() {
     let frames = std::env::var("XFM_VIEW_FRAMES").ok().and_then(|text| text.parse().ok());
     let frames: usize = frames.unwrap_or(400);
     let (display, folder, _) = scene();
-    let viewer = Viewer::start(&display, folder.path(), &["torus.ply"]);
+    let viewer = Viewer::start(&display, folder.path(), &["torus.ply", "--size", "400x300"]);
     viewer.settled();
     let resident_kib = || {
         let status = fs::read_to_string(format!("/proc/{}/status", viewer.id())).expect("alive");
@@ -382,8 +382,8 @@ fn memory_does_not_grow_from_frame_to_frame() {
     while count() < frames {
         // Around and around, now and then another shading.
         step = (step + 1) % 400;
-        let x = 350 + if step < 200 { step } else { 400 - step };
-        display.point(viewer.window, [x, 330]);
+        let x = 290 + if step < 200 { step } else { 400 - step } / 2;
+        display.point(viewer.window, [x, 150]);
         if step % 200 == 1 {
             display.button(1, true);
         } else if step % 200 == 190 {

@@ -35,12 +35,13 @@ pub fn command(folder: &Path) -> Command {
 }
 
 impl<'a> Viewer<'a> {
-    /// Starts it in a folder, with a window of 900 x 600 and the validation layer.
+    /// Starts it in a folder, with a window of 900 x 600 unless told and the validation layer.
     pub fn start(display: &'a Display, folder: &Path, args: &[&str]) -> Self {
         let log = folder.join("log.jsonl");
         fs::remove_file(&log).unwrap_or_default();
         let child = command(folder)
-            .args(["--size", "900x600", "--validation", "--log", "log.jsonl"])
+            .args(["--validation", "--log", "log.jsonl"])
+            .args(if args.contains(&"--size") { &[][..] } else { &["--size", "900x600"] })
             .args(args)
             .env("DISPLAY", display.name())
             .stderr(fs::File::create(folder.join("stderr.txt")).expect("a file"))

@@ -17,6 +17,8 @@ pub(crate) struct Overlay {
     vertices: Vec<UiVertex>,
     indices: Vec<u32>,
     pieces: Vec<(TextureId, [f32; 4], Range<u32>)>,
+    /// What bars left of the window in the last frame, if there was one.
+    free: Option<egui::Rect>,
 }
 
 /// What came of a frame.
@@ -36,6 +38,7 @@ impl Overlay {
             vertices: Vec::new(),
             indices: Vec::new(),
             pieces: Vec::new(),
+            free: None,
         }
     }
 
@@ -44,15 +47,20 @@ impl Overlay {
         &mut self,
         device: &Context,
         input: RawInput,
-        panels: impl FnMut(&egui::Context),
+        mut panels: impl FnMut(&egui::Context),
     ) -> Result<Ran, Error> {
+        let mut free = None;
         let FullOutput {
             platform_output,
             textures_delta,
             shapes,
             pixels_per_point,
             viewport_output,
-        } = self.context.run(input, panels);
+        } = self.context.run(input, |context| {
+            panels(context);
+            free = Some(context.available_rect());
+        });
+        self.free = free;
         for (id, delta) in &textures_delta.set {
             let egui::ImageData::Color(image) = &delta.image;
             let size = image.size.map(|side| side as u32);
@@ -104,7 +112,7 @@ impl Overlay {
         match self.context.layer_id_at(place) {
             // Bars take their part of the window away.
             Some(layer) if layer.order == egui::Order::Background => {
-                !self.context.available_rect().contains(place)
+                self.free.is_some_and(|free| !free.contains(place))
             }
             other => other.is_some(),
         }

@@ -9,14 +9,25 @@ use crate::state::State;
 
 type Asked = Vec<Action>;
 
+/// A window of fewer points has the bar in two lines.
+const NARROW: f32 = 860.0;
+
 pub(super) fn show(context: &Context, state: &State, facts: &Facts<'_>, asked: &mut Asked) {
     let margin = egui::Margin::symmetric(8, 5);
     let frame = egui::Frame::side_top_panel(&context.style()).inner_margin(margin);
+    let narrow = context.content_rect().width() < NARROW;
     TopBottomPanel::top("bar").frame(frame).show_separator_line(false).show(context, |ui| {
+        if narrow {
+            ui.horizontal_wrapped(|ui| {
+                ui.add_enabled_ui(facts.model.is_some(), |ui| tools(ui, state, asked));
+            });
+            ui.horizontal_wrapped(|ui| panels(ui, state, facts, asked));
+            return;
+        }
         ui.horizontal(|ui| {
             ui.add_enabled_ui(facts.model.is_some(), |ui| tools(ui, state, asked));
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                panels(ui, state, facts, asked)
+                panels(ui, state, facts, asked);
             });
         });
     });

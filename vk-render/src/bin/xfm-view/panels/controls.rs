@@ -21,7 +21,7 @@ pub(super) fn show(
         .constrain_to(context.available_rect())
         .show(context, |ui| {
             ui.set_width(WIDTH);
-            let height = context.available_rect().height() - 40.0;
+            let height = context.available_rect().height() - 80.0;
             egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(
                 ui,
                 |ui| {

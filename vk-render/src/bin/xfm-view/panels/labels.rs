@@ -93,8 +93,13 @@ pub(super) fn legend(context: &Context, state: &State) {
     });
 }
 
-/// What is going on that is not seen otherwise.
-pub(super) fn status(context: &Context, state: &State) {
+/// Where messages begin, upwards from the lower edge: above the line with what the mouse does.
+pub(super) const BOTTOM: f32 = -44.0;
+/// In a window of fewer points there is no room between the panels.
+const NARROW: f32 = 960.0;
+
+/// What is going on that is not seen otherwise; where messages begin that are not to hide it.
+pub(super) fn status(context: &Context, state: &State) -> f32 {
     let mut lines: Vec<(String, Color32)> = Vec::new();
     if let Some(recording) = &state.recording {
         let text = format!("Recording {:.1} s – R ends it", recording.seconds());
@@ -119,22 +124,25 @@ pub(super) fn status(context: &Context, state: &State) {
         lines.push((text.into(), style::ACCENT));
     }
     if lines.is_empty() {
-        return;
+        return BOTTOM;
     }
-    area("status", Align2::CENTER_TOP, [0.0, 48.0]).interactable(false).show(context, |ui| {
+    let narrow = context.content_rect().width() < NARROW;
+    let (anchor, at) =
+        if narrow { (Align2::CENTER_BOTTOM, BOTTOM) } else { (Align2::CENTER_TOP, 48.0) };
+    let shown = area("status", anchor, [0.0, at]).interactable(false).show(context, |ui| {
         panel().show(ui, |ui| {
             for (text, colour) in lines {
                 ui.add(egui::Label::new(RichText::new(text).color(colour)).extend());
             }
         });
     });
+    if narrow { BOTTOM - shown.response.rect.height() - 4.0 } else { BOTTOM }
 }
 
 /// Messages, at the bottom of the picture, the latest lowest. Each is an area of its own, so that none is larger than its
 /// text and in the way of the mouse.
-pub(super) fn notices(context: &Context, state: &State, asked: &mut Vec<Action>) {
+pub(super) fn notices(context: &Context, state: &State, mut bottom: f32, asked: &mut Vec<Action>) {
     let width = (context.content_rect().width() - 80.0).min(760.0);
-    let mut bottom = -44.0;
     for (i, notice) in state.notices.shown().iter().rev().enumerate() {
         let colour = if notice.is_error { style::BAD } else { style::TEXT };
         let text = RichText::new(&notice.text).color(colour);

@@ -36,12 +36,15 @@ impl Facts<'_> {
     }
 }
 
+/// In a window of fewer points the numbers would hide the model.
+const LEAST_FOR_NUMBERS: f32 = 600.0;
+
 /// Lays out all panels and paints labels into the picture.
 pub(crate) fn show(context: &egui::Context, state: &mut State, facts: Facts<'_>) -> Vec<Action> {
     let mut asked = Vec::new();
     labels::points(context, state, facts.origin());
     if state.panels.hidden {
-        labels::notices(context, state, &mut asked);
+        labels::notices(context, state, labels::BOTTOM, &mut asked);
         return asked;
     }
     bar::show(context, state, &facts, &mut asked);
@@ -49,13 +52,13 @@ pub(crate) fn show(context: &egui::Context, state: &mut State, facts: Facts<'_>)
         if state.panels.controls {
             controls::show(context, state, &facts, &mut asked);
         }
-        if state.panels.numbers {
+        if state.panels.numbers && context.content_rect().width() > LEAST_FOR_NUMBERS {
             numbers::show(context, state, &facts);
         }
         labels::legend(context, state);
     }
-    labels::status(context, state);
-    labels::notices(context, state, &mut asked);
+    let bottom = labels::status(context, state);
+    labels::notices(context, state, bottom, &mut asked);
     labels::hint(context, state, &facts);
     opening::show(context, &facts, &mut asked);
     if state.panels.help {

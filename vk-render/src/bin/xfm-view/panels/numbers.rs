@@ -19,21 +19,29 @@ pub(super) fn show(context: &Context, state: &State, facts: &Facts<'_>) {
         .constrain_to(context.available_rect())
         .show(context, |ui| {
             ui.set_width(WIDTH);
-            frame_time(ui, &state.history);
-            plot(ui, &state.history);
-            let input = facts.model.map_or(0, |model| model.input_triangles);
-            Grid::new("numbers").num_columns(2).min_col_width(96.0).spacing([8.0, 3.0]).show(
+            // Room for the line at the bottom.
+            let height = context.available_rect().height() - 80.0;
+            egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(
                 ui,
                 |ui| {
-                    shown(ui, numbers, input);
-                    ui.end_row();
-                    detail(ui, numbers);
-                    ui.end_row();
-                    times(ui, numbers, &state.history);
+                    frame_time(ui, &state.history);
+                    plot(ui, &state.history);
+                    let input = facts.model.map_or(0, |model| model.input_triangles);
+                    Grid::new("numbers")
+                        .num_columns(2)
+                        .min_col_width(96.0)
+                        .spacing([8.0, 3.0])
+                        .show(ui, |ui| {
+                            shown(ui, numbers, input);
+                            ui.end_row();
+                            detail(ui, numbers);
+                            ui.end_row();
+                            times(ui, numbers, &state.history);
+                        });
+                    memory(ui, numbers);
+                    ui.label(RichText::new(facts.device).small().color(style::FAINT));
                 },
             );
-            memory(ui, numbers);
-            ui.label(RichText::new(facts.device).small().color(style::FAINT));
         });
 }
 
