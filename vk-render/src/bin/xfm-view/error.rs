@@ -40,6 +40,15 @@ pub(crate) enum Error {
 }
 
 impl Error {
+    /// What a window system said, without the place in the sources where it was said.
+    pub(crate) fn window(error: impl std::fmt::Display) -> Self {
+        let text = error.to_string();
+        let reason = text.rsplit_once(".rs:").map_or(text.as_str(), |(_, rest)| {
+            rest.trim_start_matches(|c: char| c.is_ascii_digit()).trim_start_matches(": ")
+        });
+        Self::Window(reason.to_owned())
+    }
+
     pub(crate) fn file(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         |source| Self::File { path, source }
@@ -58,4 +67,17 @@ pub(crate) fn one_line(error: &dyn std::error::Error) -> String {
         cause = source.source();
     }
     text.replace('\n', " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn window_errors_are_told_without_their_source_file() {
+        for said in ["os error at /home/me/src/linux/mod.rs:788: no display", "no display"] {
+            let text = Error::window(said).to_string();
+            assert!(text.starts_with("no window can be opened: no display; use --off"), "{text}");
+        }
+    }
 }

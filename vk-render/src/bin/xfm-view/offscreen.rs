@@ -87,7 +87,10 @@ impl<'a> Flight<'a> {
         let mut viewer = Viewer::new(args.state(), args.opener(), Arc::new(|| ()));
         viewer.state.panels.hint = false;
         match wait(opening) {
-            Opened::Done(model) => viewer.take(model),
+            Opened::Done(model) => {
+                viewer.take(model);
+                viewer.coarse_px = 0.0;
+            }
             Opened::Failed(error) => return Err(error),
             Opened::NotYet(_) | Opened::Cancelled => return Err(Error::NoFile),
         }
@@ -175,7 +178,6 @@ impl<'a> Flight<'a> {
 
     /// Draws the user's view, and the one from outside where asked for.
     fn draw(&mut self, file: &Path, outside_file: &Path) -> Result<(), Error> {
-        let inside_out = self.viewer.model.as_ref().is_some_and(|model| model.is_inside_out());
         if self.args.overlay {
             let (width, height) = self.args.size;
             let size = egui::vec2(width as f32, height as f32);
@@ -194,9 +196,10 @@ impl<'a> Flight<'a> {
         }
         let begin = Instant::now();
         let state = &self.viewer.state;
+        let model = self.viewer.model.as_deref();
         let lines = picture::lines(state);
         let pieces = self.overlay.pieces();
-        let mut scene = picture::scene(state, &self.mesh, inside_out, &lines);
+        let mut scene = picture::scene(state, &self.mesh, model, &lines);
         scene.ui = self.overlay.ui(&pieces);
         let image = self.inside.draw(&scene)?;
         self.time.whole = self.time.update + self.time.upload + begin.elapsed();
@@ -205,7 +208,7 @@ impl<'a> Flight<'a> {
             let camera = state.camera();
             let from = outside::camera(&camera, state.bounds, state.navigator.up().axis());
             let lines = outside::frustum(&camera, state.radius());
-            let mut scene = picture::scene(state, &self.mesh, inside_out, &lines);
+            let mut scene = picture::scene(state, &self.mesh, model, &lines);
             scene.camera = picture::render_camera(&from, state.radius());
             picture::save(&target.draw(&scene)?, outside_file)?;
         }

@@ -9,6 +9,7 @@ use vk_render::{Image, Line, MeshBuffers, Scene};
 
 use crate::camera::outside;
 use crate::error::Error;
+use crate::model::Model;
 use crate::state::State;
 
 /// The camera as the renderer wants it. What is nearer than a hundred-thousandth of the model's `radius` is cut off.
@@ -32,12 +33,15 @@ pub(crate) fn lines(state: &State) -> Vec<Line> {
 pub(crate) fn scene<'a>(
     state: &State,
     mesh: &'a MeshBuffers,
-    inside_out: bool,
+    model: Option<&Model>,
     lines: &'a [Line],
 ) -> Scene<'a> {
     let mut scene = Scene::new(mesh, render_camera(&state.camera(), state.radius()));
     scene.shading = state.shading();
-    scene.inside_out = inside_out;
+    if let Some(model) = model {
+        scene.inside_out = model.is_inside_out();
+        scene.max_level = model.depth;
+    }
     scene.section = state.section.plane(state.bounds);
     scene.lines = lines;
     scene

@@ -28,7 +28,7 @@ impl Screen {
         let attributes = Window::default_attributes()
             .with_title("xfm-view")
             .with_inner_size(PhysicalSize::new(args.size.0, args.size.1));
-        let window = events.create_window(attributes).map_err(|e| Error::Window(e.to_string()))?;
+        let window = events.create_window(attributes).map_err(Error::window)?;
         Self::on(args, Arc::new(window))
     }
 

@@ -11,7 +11,7 @@ use crate::camera::{outside, path};
 use crate::error::{Error, one_line};
 use crate::input::held::Held;
 use crate::input::pointer::Gesture;
-use crate::model::{Model, Numbers, Opened, Opener, Opening};
+use crate::model::{Detail, Model, Numbers, Opened, Opener, Opening};
 use crate::panels::{self, Facts};
 use crate::pick;
 use crate::state::{Axis, State};
@@ -33,9 +33,15 @@ pub(crate) struct Viewer {
     pub(crate) first_view: Option<String>,
     /// A model was opened that has not been seen yet.
     pub(crate) is_new: bool,
+    /// No finer than this many pixels just yet, so that the first picture is there at once and then becomes finer.
+    pub(crate) coarse_px: f32,
     problems_said: usize,
     notify: Notify,
 }
+
+/// What a model that was just opened begins with, and where it ends.
+const FIRST_PX: f32 = 32.0;
+const LAST_PX: f32 = 0.1;
 
 impl Viewer {
     pub(crate) fn new(state: State, opener: Opener, notify: Notify) -> Self {
@@ -50,6 +56,7 @@ impl Viewer {
             hovering: false,
             first_view: None,
             is_new: false,
+            coarse_px: 0.0,
             problems_said: 0,
             notify,
         }
@@ -83,6 +90,7 @@ impl Viewer {
         self.model = Some(model);
         self.numbers = None;
         self.is_new = true;
+        self.coarse_px = FIRST_PX;
         self.problems_said = 0;
     }
 
@@ -116,7 +124,12 @@ impl Viewer {
     /// Moves the model's detail towards what the camera needs.
     pub(crate) fn refine(&mut self) {
         let Some(model) = &mut self.model else { return };
-        let numbers = model.frame(&self.state.detail_camera(), self.state.detail.detail());
+        let mut detail = self.state.detail.detail();
+        if let Detail::Pixels(pixels) = &mut detail {
+            *pixels = pixels.max(self.coarse_px);
+        }
+        self.coarse_px = if self.coarse_px > LAST_PX { 0.5 * self.coarse_px } else { 0.0 };
+        let numbers = model.frame(&self.state.detail_camera(), detail);
         self.state.quotas_seen(&numbers);
         self.numbers = Some(numbers);
         let problems: Vec<String> = model.problems().skip(self.problems_said).collect();
@@ -124,6 +137,11 @@ impl Viewer {
         for problem in problems {
             self.state.notices.complain(problem);
         }
+    }
+
+    /// Whether the picture is as fine as it is going to be.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.coarse_px == 0.0 && self.numbers.is_none_or(|numbers| numbers.is_settled())
     }
 
     pub(crate) fn panels(&mut self, context: &egui::Context, device: &str) -> Vec<Action> {

@@ -32,8 +32,7 @@ const PAUSE: Duration = Duration::from_millis(250);
 /// Opens the window and runs until it is closed.
 pub(crate) fn run(args: &Args) -> Result<(), Error> {
     let opener = args.opener();
-    let events =
-        EventLoop::<()>::with_user_event().build().map_err(|e| Error::Window(e.to_string()))?;
+    let events = EventLoop::<()>::with_user_event().build().map_err(Error::window)?;
     let proxy: EventLoopProxy<()> = events.create_proxy();
     let notify = Arc::new(move || {
         // It fails only where the loop has ended, and then nobody waits any more.
@@ -64,7 +63,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Error> {
         failures: 0,
         failed: None,
     };
-    events.run_app(&mut app).map_err(|e| Error::Window(e.to_string()))?;
+    events.run_app(&mut app).map_err(Error::window)?;
     match app.failed {
         Some(error) => Err(error),
         None => Ok(()),
@@ -135,9 +134,9 @@ impl App<'_> {
         busy |= ran.again || !asked.is_empty();
 
         let lines = picture::lines(&self.viewer.state);
-        let inside_out = self.viewer.model.as_ref().is_some_and(|model| model.is_inside_out());
+        let model = self.viewer.model.as_deref();
         let pieces = screen.overlay.pieces();
-        let mut scene = picture::scene(&self.viewer.state, &screen.mesh, inside_out, &lines);
+        let mut scene = picture::scene(&self.viewer.state, &screen.mesh, model, &lines);
         scene.ui = screen.overlay.ui(&pieces);
         screen.window.pre_present_notify();
         busy |= screen.target.draw(&scene)? == Presented::OutOfDate;
@@ -181,7 +180,7 @@ impl App<'_> {
         entry.insert("recording".into(), json!(state.recording.is_some()));
         entry.insert("replaying".into(), json!(state.replay.is_some()));
         entry.insert("notices".into(), json!(notices));
-        entry.insert("settled".into(), json!(numbers.is_settled()));
+        entry.insert("settled".into(), json!(self.viewer.is_settled()));
         log.write(&entry.into())
     }
 
@@ -191,8 +190,8 @@ impl App<'_> {
         let moving = self.viewer.numbers.is_some_and(|numbers| numbers.is_moving());
         let waits = self.viewer.opening.is_some()
             || !self.viewer.state.notices.shown().is_empty()
-            || self.viewer.numbers.is_some_and(|numbers| !numbers.is_settled());
-        if busy || moving || self.args.quit_after.is_some() {
+            || !self.viewer.is_settled();
+        if busy || moving || self.viewer.coarse_px > 0.0 || self.args.quit_after.is_some() {
             screen.window.request_redraw();
             self.due = None;
         } else {
@@ -244,7 +243,7 @@ impl App<'_> {
         let lines = picture::lines(&self.viewer.state);
         let state = &self.viewer.state;
         let pieces = screen.overlay.pieces();
-        let mut scene = picture::scene(state, &screen.mesh, model.is_inside_out(), &lines);
+        let mut scene = picture::scene(state, &screen.mesh, Some(model), &lines);
         if with_panels {
             scene.ui = screen.overlay.ui(&pieces);
         }

@@ -48,6 +48,8 @@ pub(crate) struct Model {
     /// Where the origin of all positions lies in the file's own frame.
     pub(crate) origin: DVec3,
     pub(crate) input_triangles: u64,
+    /// Levels of the deepest tree.
+    pub(crate) depth: u8,
     /// Where a mesh was built; gone with the last model that uses it.
     built: Option<std::sync::Arc<TempDir>>,
 }
@@ -64,10 +66,11 @@ impl Model {
         let header = pager.file().header();
         let (bounds, origin, input_triangles) =
             (header.bounds, header.origin, header.input_triangles);
+        let depth = header.tree_depth.clamp(1, 255) as u8;
         let session = Session::new(pager, opener.dependencies)?;
         let source = source.to_owned();
         let painted = Painted::default();
-        Ok(Self { session, painted, source, file, bounds, origin, input_triangles, built })
+        Ok(Self { session, painted, source, file, bounds, origin, input_triangles, depth, built })
     }
 
     /// Whether triangles are clockwise seen from outside.
