@@ -161,7 +161,8 @@ fn points_are_picked_and_the_model_cut_open() {
     viewer.until("word about the hole", |f| says(f, "no surface"));
     display.click(viewer.window, ridge, 1);
     let one = viewer.until("one point", |f| f["points"].as_array().map(Vec::len) == Some(1));
-    sleep(Duration::from_millis(500));
+    // The word about the hole is in the way.
+    viewer.until("picture without words", |f| f["notices"] == serde_json::json!([]));
     display.click(viewer.window, [450, 300 + up_px as i16], 1);
     let two = viewer.until("two points", |f| f["points"].as_array().map(Vec::len) == Some(2));
     let at = |i: usize, k: usize| two["points"][i][k].as_f64().expect("a number");
