@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use halfedge::{FaceId, HalfEdgeId, HalfEdgeMesh, VertexId};
 
 use crate::{
-    BoundCodes, CollapseRecord, HalfEdgeNames, Node, NodeId, NodeStore, OctNormal, SlotId,
+    BoundCodes, CollapseRecord, Colour, HalfEdgeNames, Node, NodeId, NodeStore, OctNormal, SlotId,
 };
 
 /// A vertex of the coarsest mesh.
@@ -25,6 +25,8 @@ pub struct BaseMesh {
     pub vertices: Vec<BaseVertex>,
     /// Its faces, counter-clockwise.
     pub faces: Vec<[u32; 3]>,
+    /// Colours of its vertices; empty where the mesh has none.
+    pub colours: Vec<Colour>,
 }
 
 impl BaseMesh {
@@ -68,6 +70,8 @@ pub struct Forest {
     pub base: BaseMesh,
     /// The nodes.
     pub nodes: Vec<Node>,
+    /// Per node the colour of the vertex that its split brings back; empty where the mesh has none.
+    pub colours: Vec<Colour>,
 }
 
 /// Why records and mesh do not fit together.
@@ -162,7 +166,24 @@ impl Forest {
             nodes.push(node);
             top[record.kept.index()] = Some(id);
         }
-        Ok(Self { base: base_mesh(coarse, positions, normals, &top), nodes })
+        let base = base_mesh(coarse, positions, normals, &top);
+        Ok(Self { base, nodes, colours: Vec::new() })
+    }
+
+    /// The same forest with the colours of the input's vertices, which are given in the numbering of the records that it was
+    /// [made of](Self::from_records).
+    ///
+    /// # Panics
+    /// When a vertex has no colour.
+    pub fn with_colours(
+        mut self,
+        records: &[CollapseRecord],
+        coarse: &HalfEdgeMesh,
+        colours: &[Colour],
+    ) -> Self {
+        self.colours = records.iter().map(|record| colours[record.removed.index()]).collect();
+        self.base.colours = coarse.vertices().map(|v| colours[v.index()]).collect();
+        self
     }
 
     /// Number of levels of the deepest tree; zero without nodes.
@@ -239,6 +260,11 @@ impl NodeStore for Forest {
 
     fn request(&mut self, id: NodeId, _urgency: f32) -> bool {
         id.index() < self.nodes.len()
+    }
+
+    #[inline]
+    fn colour(&self, id: NodeId) -> Option<Colour> {
+        self.colours.get(id.index()).copied()
     }
 
     fn set_slot(&mut self, id: NodeId, slot: Option<SlotId>) {

@@ -46,6 +46,7 @@ mod camera;
 mod cut;
 mod forest;
 mod front;
+mod measure;
 mod node;
 mod ranks;
 mod record;
@@ -61,8 +62,9 @@ pub use front::{
     Changes, CollapseBlocked, Dependencies, Front, FrontInvalid, FrontVertex, SplitBlocked,
     UpdateLimits, UpdateStats,
 };
-pub use node::{HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
+pub use measure::{BoundsLanes, ErrorMeasure, LANES, NodeBounds};
+pub use node::{Colour, HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
 pub use ranks::{RankAccount, RankError, ranks};
 pub use record::{CollapseRecord, StarBounds};
 pub use store::NodeStore;
-pub use view::{ToleranceControl, View};
+pub use view::{ToleranceControl, View, ViewTest};

@@ -49,6 +49,9 @@ impl OctNormal {
     }
 }
 
+/// Colour of a vertex: red, green, blue and alpha, 255 for one, as the input has them (its colour space is not looked at).
+pub type Colour = [u8; 4];
+
 /// One node of the forest, as it lies in memory: what a split needs and what a view test needs, in one cache line.
 ///
 /// # Units

@@ -60,7 +60,10 @@ pub fn ranks(forest: &Forest) -> Result<Vec<u32>, RankError> {
             });
         }
         let vertex = FrontVertex { position: node.position, normal: node.normal, level: 0 };
-        let kept = mesh.split(slot, adjacent, vertex).map_err(|_| misfit())?;
+        let [w, x, _, _] = adjacent;
+        let kept = x.map(|x| mesh.start(x)).or_else(|| w.map(|w| mesh.end(w)));
+        let kept = kept.ok_or_else(misfit)?;
+        mesh.split(slot, kept, adjacent, vertex).map_err(|_| misfit())?;
         mesh.for_each_neighbour(mesh.half_edge_of(slot, 0), |r| rings.push(r));
         splits.push(Split { kept, removed: mesh.vertex_of(slot), ring_end: rings.len() });
         slots[id.index()] = Some(slot);

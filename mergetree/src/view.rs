@@ -1,8 +1,20 @@
 //! The view test: how many pixels off the picture is while a node is not split.
 
 use glam::Vec3;
+use wide::f32x8;
 
-use crate::{Camera, Node};
+use crate::measure::LANES;
+use crate::{BoundsLanes, Camera, ErrorMeasure, NodeBounds};
+
+/// What of a node is compared with the size of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ViewTest {
+    /// How far the surface moves, less where it is seen face on.
+    #[default]
+    Deviation,
+    /// The extent of what the node changes (first paper, §4.3): many more triangles for the same picture. To compare with.
+    Radius,
+}
 
 /// A camera prepared for testing nodes (FastMesh's criteria, Pajarola 2001: frustum, orientation, silhouettes, screen
 /// space error; but with a measured deviation in place of the mere extent).
@@ -15,6 +27,7 @@ pub struct View {
     pixels_per_radian: f32,
     /// 1 where normals point outwards, −1 where they point inwards.
     outward: f32,
+    test: ViewTest,
 }
 
 /// Share of the deviation that counts where a surface is seen face on.
@@ -41,7 +54,14 @@ impl View {
             forward: side(Vec3::NEG_Z),
             pixels_per_radian: camera.pixels_per_radian(),
             outward: 1.0,
+            test: ViewTest::Deviation,
         }
+    }
+
+    /// The same view with another test.
+    #[must_use]
+    pub fn with_test(self, test: ViewTest) -> Self {
+        Self { test, ..self }
     }
 
     /// The same view of a surface that may be inside out ([`crate::BaseMesh::is_inside_out`]): then its normals point
@@ -56,40 +76,75 @@ impl View {
     /// when the eye is inside the sphere.
     ///
     /// A child's error never exceeds its parent's, but for rounding.
+    pub fn error_px(&self, bounds: &NodeBounds) -> f32 {
+        self.errors(&BoundsLanes::splat(bounds))[0]
+    }
+}
+
+/// A vector in every lane.
+#[derive(Clone, Copy)]
+struct Vec3x8([f32x8; 3]);
+
+impl Vec3x8 {
+    #[inline(always)]
+    fn dot(self, v: Vec3) -> f32x8 {
+        let [x, y, z] = self.0;
+        x * f32x8::splat(v.x) + y * f32x8::splat(v.y) + z * f32x8::splat(v.z)
+    }
+
+    #[inline(always)]
+    fn dot_lanes(self, other: Self) -> f32x8 {
+        let ([x, y, z], [u, v, w]) = (self.0, other.0);
+        x * u + y * v + z * w
+    }
+}
+
+impl ErrorMeasure for View {
     #[inline]
-    pub fn error_px(&self, node: &Node) -> f32 {
-        let to_node = node.position - self.eye;
-        let outside = |normal: Vec3| normal.dot(to_node) < -node.radius;
-        if self.sides.into_iter().any(outside) || outside(self.forward) {
-            return 0.0;
+    fn errors(&self, bounds: &BoundsLanes) -> [f32; LANES] {
+        let (zero, one) = (f32x8::ZERO, f32x8::ONE);
+        let [x, y, z] = bounds.position.map(f32x8::new);
+        let [eye_x, eye_y, eye_z] = self.eye.to_array().map(f32x8::splat);
+        let to_node = Vec3x8([x - eye_x, y - eye_y, z - eye_z]);
+        let radius = f32x8::new(bounds.radius);
+        let outside = |normal: Vec3| to_node.dot(normal).simd_lt(-radius);
+        let [left, right, bottom, top] = self.sides.map(outside);
+        let hidden = left | right | bottom | top | outside(self.forward);
+        if hidden.all() {
+            return [0.0; LANES];
         }
-        let distance = to_node.length();
-        let nearest = distance - node.radius;
-        if nearest <= 0.0 {
-            return if node.deviation > 0.0 { f32::INFINITY } else { 0.0 };
-        }
-        let pixels = node.deviation * self.pixels_per_radian / nearest;
+        let distance = to_node.dot_lanes(to_node).sqrt();
+        let nearest = distance - radius;
+        let deviation = f32x8::new(bounds.deviation);
+        let size = match self.test {
+            ViewTest::Deviation => deviation,
+            ViewTest::Radius => radius,
+        };
+        let pixels = size * f32x8::splat(self.pixels_per_radian) / nearest;
         // Lines of sight to the sphere spread by β, normals by α around their axis.
-        let (sin_a, sin_b) = (node.cone_sine, node.radius / distance);
-        let cos_a = (1.0 - sin_a * sin_a).max(0.0).sqrt();
-        let cos_b = (1.0 - sin_b * sin_b).max(0.0).sqrt();
+        let (sin_a, sin_b) = (f32x8::new(bounds.cone_sine), radius / distance);
+        let cosine = |sine: f32x8| (one - sine * sine).fast_max(zero).sqrt();
+        let (cos_a, cos_b) = (cosine(sin_a), cosine(sin_b));
         let cos_spread = cos_a * cos_b - sin_a * sin_b;
-        if sin_a >= 1.0 || cos_spread <= 0.0 {
-            return pixels;
-        }
         let sin_spread = sin_a * cos_b + cos_a * sin_b;
+        let spread_is_wide = sin_a.simd_ge(one) | cos_spread.simd_le(zero);
         // Cosine of the angle between axis and line of sight; positive when facing away.
-        let facing_away = self.outward * node.normal.to_vec3().dot(to_node) / distance;
-        if facing_away > sin_spread {
-            return 0.0;
-        }
-        if facing_away < -sin_spread {
-            // All of it faces the eye: sine of the largest angle between a normal and its line of sight.
-            let sin_facing = (1.0 - facing_away * facing_away).max(0.0).sqrt();
-            let tilt = sin_facing * cos_spread - facing_away * sin_spread;
-            return pixels * tilt.clamp(FACE_ON_SHARE, 1.0);
-        }
-        pixels
+        let normal = Vec3x8(bounds.normal.map(f32x8::new));
+        let facing_away = f32x8::splat(self.outward) * normal.dot_lanes(to_node) / distance;
+        let away = facing_away.simd_gt(sin_spread);
+        // All of it faces the eye: sine of the largest angle between a normal and its line of sight.
+        let faces = facing_away.simd_lt(-sin_spread);
+        let tilt = cosine(facing_away) * cos_spread - facing_away * sin_spread;
+        let tilt = tilt.fast_max(f32x8::splat(FACE_ON_SHARE)).fast_min(one);
+        let tilt = match self.test {
+            ViewTest::Deviation => faces.select(tilt, one),
+            ViewTest::Radius => one,
+        };
+        let turned = away.select(zero, pixels * tilt);
+        let seen = spread_is_wide.select(pixels, turned);
+        let inside = size.simd_gt(zero).select(f32x8::splat(f32::INFINITY), zero);
+        let error = nearest.simd_le(zero).select(inside, seen);
+        hidden.select(zero, error).to_array()
     }
 }
 
@@ -131,21 +186,15 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::OctNormal;
 
-    fn node(position: Vec3, radius: f32, normal: Vec3, cone_sine: f32) -> Node {
-        Node {
+    fn node(position: Vec3, radius: f32, normal: Vec3, cone_sine: f32) -> NodeBounds {
+        NodeBounds {
             position,
             radius,
-            normal: OctNormal::new(normal),
+            normal: normal.normalize(),
             cone_sine,
             deviation: 0.01,
             order: 0,
-            adjacent: [None; 4],
-            left: None,
-            right: None,
-            parent: None,
-            slot: None,
         }
     }
 

@@ -3,10 +3,11 @@
 mod common;
 
 use common::{forest, naive_mesh, random_records, small, sorted_triangles};
+use glam::Vec3;
 use halfedge::HalfEdgeMesh;
 use mergetree::{
-    BuildOptions, Dependencies, Forest, Front, HalfEdgeName, NodeId, NodeStore, UpdateLimits,
-    collapse_in_independent_sets, ranks,
+    BuildOptions, Dependencies, Forest, Front, HalfEdgeName, NodeId, NodeStore, Records,
+    UpdateLimits, collapse_in_independent_sets, ranks,
 };
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -339,4 +340,35 @@ fn closed_surfaces_turned_inside_out_are_known_and_open_ones_are_not_judged() {
     assert_ne!(is_inside_out(&torus), is_inside_out(&turned(torus)));
     let sheet = common::sheet(9, 9);
     assert!(!is_inside_out(&sheet) && !is_inside_out(&turned(sheet)));
+}
+
+#[test]
+fn colours_follow_their_vertices() {
+    let shape = common::torus(24, 16);
+    let (positions, normals) = (&shape.positions, shape.normals());
+    let Records { records, coarse } = collapse_in_independent_sets(
+        shape.mesh(),
+        positions,
+        &normals,
+        &BuildOptions::default(),
+        &|_| (),
+    );
+    let colour = |p: Vec3| {
+        let [r, g, b] = p.to_array().map(|c| (c * 50.0) as i8 as u8);
+        [r, g, b, r ^ g]
+    };
+    let colours: Vec<_> = positions.iter().map(|&p| colour(p)).collect();
+    let plain = Forest::from_records(&records, &coarse, positions, &normals).unwrap();
+    assert!(Front::new(&plain, Dependencies::Order).unwrap().to_colours().is_empty());
+    let mut forest = plain.with_colours(&records, &coarse, &colours);
+    let mut front = Front::new(&forest, Dependencies::Order).unwrap();
+    // Finer, coarser so that places become free, and finer again.
+    for tolerance in [0.1, 1.0, 0.01, 0.3, 0.0] {
+        let limits = UpdateLimits::with_tolerance(tolerance);
+        front.update(&mut forest, |node| node.deviation.max(1e-9), &limits);
+        assert_eq!(front.colours().len(), front.vertices().len());
+        let expected: Vec<_> = front.to_mesh().0.into_iter().map(colour).collect();
+        assert_eq!(front.to_colours(), expected);
+    }
+    assert_eq!(front.to_colours().len(), positions.len());
 }

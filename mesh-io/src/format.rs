@@ -87,6 +87,11 @@ impl Format {
         !matches!(self, Self::StlBinary | Self::Gltf | Self::Glb)
     }
 
+    /// Whether a file of this format can hold colours of vertices: all but STL do.
+    pub fn holds_colours(self) -> bool {
+        !matches!(self, Self::StlBinary | Self::StlAscii)
+    }
+
     /// Every format, in the order of the declaration.
     pub const ALL: [Self; 8] = [
         Self::StlBinary,

@@ -2,10 +2,13 @@
 
 use glam::Vec3;
 
-use crate::{Error, IndexedMesh, Triangle};
+use crate::{Colour, Error, IndexedMesh, Triangle};
 
 /// Takes items batch by batch, and may refuse.
 pub type Take<'a, T> = dyn FnMut(&[T]) -> Result<(), Error> + 'a;
+
+/// Takes positions batch by batch, with as many colours where the mesh has them and otherwise none, and may refuse.
+pub type TakeVertices<'a> = dyn FnMut(&[Vec3], &[Colour]) -> Result<(), Error> + 'a;
 
 /// A mesh of shared vertices, in memory or not: what [`write_indexed`](crate::write_indexed) writes.
 ///
@@ -24,6 +27,20 @@ pub trait IndexedSource {
     ///
     /// Those of `take`, and what keeps the mesh from being read.
     fn each_position(&mut self, take: &mut Take<'_, Vec3>) -> Result<(), Error>;
+
+    /// Whether the vertices have colours.
+    fn has_colours(&self) -> bool {
+        false
+    }
+
+    /// Hands out all positions, with their colours if the vertices have some.
+    ///
+    /// # Errors
+    ///
+    /// As [`each_position`](IndexedSource::each_position).
+    fn each_vertex(&mut self, take: &mut TakeVertices<'_>) -> Result<(), Error> {
+        self.each_position(&mut |positions| take(positions, &[]))
+    }
 
     /// Hands out all triangles by their vertices, counter-clockwise seen from the front; these are below the number of
     /// vertices.
@@ -58,6 +75,15 @@ impl IndexedSource for &IndexedMesh {
 
     fn each_position(&mut self, take: &mut Take<'_, Vec3>) -> Result<(), Error> {
         self.positions.chunks(BATCH).try_for_each(take)
+    }
+
+    fn has_colours(&self) -> bool {
+        !self.colours.is_empty()
+    }
+
+    fn each_vertex(&mut self, take: &mut TakeVertices<'_>) -> Result<(), Error> {
+        let mut colours = self.colours.chunks(BATCH);
+        self.positions.chunks(BATCH).try_for_each(|p| take(p, colours.next().unwrap_or_default()))
     }
 
     fn each_triangle(&mut self, take: &mut Take<'_, [u32; 3]>) -> Result<(), Error> {

@@ -35,6 +35,8 @@
 //! - Decimal numbers are rounded to the nearest `f32`; written ones are the shortest that read back to the same bits.
 //! - Non-finite coordinates pass through; degenerate triangles too. Faces with fewer than three corners have no area and
 //!   are left out.
+//! - Vertices of PLY, OBJ and glTF may have colours ([`Colour`]); they are rounded to eight bits a component, and nothing else
+//!   is done to them. OBJ has no alpha; STL has no colours, and neither have the textures and materials of the others.
 //! - Polygons become triangles: a fan from the first corner where the polygon is convex, ear clipping otherwise.
 //! - STL has no vertices of its own: [`read_mesh`] welds corners whose coordinates have the same bits (−0 equals +0).
 //!   Indexed formats keep their vertices as they are, used or not.
@@ -75,8 +77,8 @@ mod stl;
 pub use error::{Error, Place};
 pub use format::{Format, Packing};
 pub use frame::Frame;
-pub use indexed::{IndexedSource, Take};
-pub use mesh::{IndexedMesh, Triangle};
+pub use indexed::{IndexedSource, Take, TakeVertices};
+pub use mesh::{Colour, IndexedMesh, Triangle};
 pub use read::{
     ReadOptions, open_source, open_source_with, read_mesh, read_mesh_from, read_mesh_in_frame,
     read_mesh_with, source_from, source_from_with,

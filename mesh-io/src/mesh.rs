@@ -5,6 +5,20 @@ use glam::Vec3;
 /// Three corners, counter-clockwise seen from the front.
 pub type Triangle = [Vec3; 3];
 
+/// Colour of a vertex: red, green, blue and alpha, 255 for one. It is what the file has; no colour space is converted.
+pub type Colour = [u8; 4];
+
+/// The colour of a vertex of which nothing is known where others have colours.
+pub(crate) const WHITE: Colour = [255; 4];
+
+/// A fraction as a byte of a colour; what is not a number is zero.
+#[cfg_attr(not(any(feature = "ply", feature = "obj", feature = "gltf")), allow(dead_code))]
+#[inline]
+pub(crate) fn colour_byte(fraction: f32) -> u8 {
+    // The conversion keeps to the range of a byte.
+    (fraction * 255.0).round() as u8
+}
+
 /// A triangle mesh in memory: shared positions, and triangles that index them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct IndexedMesh {
@@ -12,6 +26,8 @@ pub struct IndexedMesh {
     pub positions: Vec<Vec3>,
     /// Indices into `positions`, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
+    /// Colours of the vertices: as many as there are positions, or none.
+    pub colours: Vec<Colour>,
 }
 
 impl IndexedMesh {
@@ -31,6 +47,7 @@ impl IndexedMesh {
         Self {
             positions: soup.as_flattened().to_vec(),
             triangles: (0..soup.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            colours: Vec::new(),
         }
     }
 

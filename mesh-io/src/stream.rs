@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use crate::{Error, Frame, IndexedMesh, Triangle};
+use crate::mesh::WHITE;
+use crate::{Colour, Error, Frame, IndexedMesh, Triangle};
 
 /// Hands out triangles batch by batch, in the order of the file.
 pub trait TriangleSource {
@@ -70,6 +71,17 @@ pub trait TriangleSource {
         let _no_vertices = (numbers, out);
     }
 
+    /// Whether vertices have colours, as far as the beginning of the file tells. Only vertices with numbers have.
+    fn has_colours(&self) -> bool {
+        false
+    }
+
+    /// Appends the colours of the corners of the triangles between these vertices, as [`look_up`](TriangleSource::look_up)
+    /// does their positions; without colours nothing.
+    fn look_up_colours(&mut self, numbers: &[[u64; 3]], out: &mut Vec<[Colour; 3]>) {
+        let _no_colours = (numbers, out);
+    }
+
     /// The frame that the coordinates handed out are in; it does not change.
     fn frame(&self) -> Frame {
         Frame::default()
@@ -128,6 +140,14 @@ impl<S: TriangleSource + ?Sized> TriangleSource for Box<S> {
 
     fn look_up(&mut self, numbers: &[[u64; 3]], out: &mut Vec<Triangle>) {
         (**self).look_up(numbers, out);
+    }
+
+    fn has_colours(&self) -> bool {
+        (**self).has_colours()
+    }
+
+    fn look_up_colours(&mut self, numbers: &[[u64; 3]], out: &mut Vec<[Colour; 3]>) {
+        (**self).look_up_colours(numbers, out);
     }
 
     fn frame(&self) -> Frame {
@@ -211,5 +231,17 @@ impl TriangleSource for MeshSource {
         let positions = &self.mesh.positions;
         let position = |v: u64| positions.get(v as usize).copied().unwrap_or(glam::Vec3::NAN);
         out.extend(numbers.iter().map(|triangle| triangle.map(position)));
+    }
+
+    fn has_colours(&self) -> bool {
+        !self.mesh.colours.is_empty()
+    }
+
+    fn look_up_colours(&mut self, numbers: &[[u64; 3]], out: &mut Vec<[Colour; 3]>) {
+        let colours = &self.mesh.colours;
+        if !colours.is_empty() {
+            let colour = |v: u64| colours.get(v as usize).copied().unwrap_or(WHITE);
+            out.extend(numbers.iter().map(|triangle| triangle.map(colour)));
+        }
     }
 }

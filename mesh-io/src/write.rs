@@ -145,6 +145,15 @@ pub fn sink_to_in<'a>(
 
 /// The mesh, if its triangles name vertices that are there.
 fn checked<'a>(mesh: &'a IndexedMesh, name: &str) -> Result<&'a IndexedMesh, Error> {
+    let [vertices, colours] = [mesh.positions.len(), mesh.colours.len()];
+    if colours != 0 && colours != vertices {
+        return Err(Error::Malformed {
+            name: name.to_owned(),
+            place: Place::File,
+            problem: format!("{colours} colours for {vertices} vertices"),
+            remedy: "give every vertex a colour, or none",
+        });
+    }
     match mesh.first_bad_index() {
         None => Ok(mesh),
         Some((_, index)) => Err(Error::IndexOutOfRange {
@@ -199,7 +208,8 @@ mod dispatch {
             Format::StlAscii => crate::stl::write_mesh(&mut pen, mesh, true, frame)?,
             #[cfg(feature = "ply")]
             Format::PlyAscii | Format::PlyBinaryLittle | Format::PlyBinaryBig => {
-                let rows = crate::ply::Rows { encoding: ply_encoding(format), frame };
+                let colours = mesh.has_colours();
+                let rows = crate::ply::Rows { encoding: ply_encoding(format), frame, colours };
                 crate::ply::write_mesh(&mut pen, mesh, rows)?;
             }
             #[cfg(feature = "obj")]
@@ -263,7 +273,8 @@ mod dispatch {
             Format::StlAscii => Ok(Box::new(crate::stl::AsciiSink::new(output, name, frame)?)),
             #[cfg(feature = "ply")]
             Format::PlyAscii | Format::PlyBinaryLittle | Format::PlyBinaryBig => {
-                let rows = crate::ply::Rows { encoding: ply_encoding(format), frame };
+                let colours = false;
+                let rows = crate::ply::Rows { encoding: ply_encoding(format), frame, colours };
                 Ok(Box::new(crate::ply::PlySink::new(output, name, rows, welder)?))
             }
             #[cfg(feature = "obj")]

@@ -18,7 +18,8 @@ pub(crate) const REGULARISATION: f32 = 1e-4;
 ///
 /// # Units
 /// Lengths are the model's, weights are areas; `Q` has the unit of length to the fourth power.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Quadric {
     /// Diagonal of `A`: xx, yy, zz.
     pub(crate) diagonal: Vec3,

@@ -1,6 +1,6 @@
 //! Scratch files: few and large, and without a name, so that nothing remains of them however a run ends.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -36,22 +36,35 @@ impl Scratch {
 
     /// A new file with a name, which stays until it is removed, so that a later run can go on with it.
     ///
+    /// As long as it is open, no other run can open it.
+    ///
     /// # Errors
     /// As [`file`](Self::file), and when there is a file of this name.
     pub fn new_kept_file<T: Pod>(&self, name: &str) -> Result<ScratchFile<T>, Error> {
         let mut options = OpenOptions::new();
         options.read(true).write(true).create_new(true);
-        self.wrap(options.open(self.folder.join(name)))
+        self.wrap(options.open(self.folder.join(name)).and_then(|file| alone(file, name)))
     }
 
-    /// The file with a name that an earlier run left.
+    /// The file with a name that an earlier run left. As long as it is open, no other run can open it.
     ///
     /// # Errors
-    /// When it is not there or must not be read.
+    /// When it is not there, must not be read, or is open in another run.
     pub fn kept_file<T: Pod>(&self, name: &str) -> Result<ScratchFile<T>, Error> {
         let mut options = OpenOptions::new();
         options.read(true).write(true);
-        self.wrap(options.open(self.folder.join(name)))
+        self.wrap(options.open(self.folder.join(name)).and_then(|file| alone(file, name)))
+    }
+
+    /// Removes the file of this name, if there is one.
+    ///
+    /// # Errors
+    /// When it cannot be removed.
+    pub fn remove(&self, name: &str) -> Result<(), Error> {
+        match std::fs::remove_file(self.folder.join(name)) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(self.failed(error)),
+            _ => Ok(()),
+        }
     }
 
     fn wrap<T>(&self, file: io::Result<File>) -> Result<ScratchFile<T>, Error> {
@@ -95,6 +108,16 @@ fn free_bytes(folder: &Path) -> Option<u64> {
 #[cfg(not(unix))]
 fn free_bytes(_folder: &Path) -> Option<u64> {
     None
+}
+
+/// Locks a file, as far as the system knows locks; they go with the process, however it ends.
+fn alone(file: File, name: &str) -> io::Result<File> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => {
+            Err(io::Error::other(format!("{name} is in use by another run")))
+        }
+        _ => Ok(file),
+    }
 }
 
 /// A hint: where it is refused nothing is lost but time.
@@ -147,6 +170,19 @@ impl<T: Pod> ScratchFile<T> {
     /// When the system could not write it.
     pub fn sync(&self) -> Result<(), Error> {
         self.file.sync_data().map_err(|error| self.scratch.failed(error))
+    }
+
+    /// Cuts the file off after so many items, which have to be there.
+    ///
+    /// # Errors
+    /// When there are fewer, or the system refuses.
+    pub fn truncate(&mut self, items: u64) -> Result<(), Error> {
+        let bytes = items.saturating_mul(size_of::<T>() as u64);
+        let cut = self.file.metadata().and_then(|there| match there.len() < bytes {
+            true => Err(io::ErrorKind::UnexpectedEof.into()),
+            false => self.file.set_len(bytes),
+        });
+        cut.map_err(|error| self.scratch.failed(error))
     }
 
     /// The folder it is in.
@@ -203,12 +239,18 @@ mod tests {
         let mut file = scratch.new_kept_file::<u32>("a.log").unwrap();
         file.write(0, &[7, 8]).unwrap();
         file.sync().unwrap();
+        let message = scratch.kept_file::<u32>("a.log").unwrap_err().to_string();
+        assert!(message.contains("in use"), "{message}");
         drop(file);
         let message = scratch.new_kept_file::<u32>("a.log").unwrap_err().to_string();
         assert!(message.contains("exists"), "{message}");
         let mut back = [0; 2];
-        scratch.kept_file("a.log").unwrap().read(0, &mut back).unwrap();
+        let mut file = scratch.kept_file("a.log").unwrap();
+        file.read(0, &mut back).unwrap();
         assert_eq!(back, [7, 8]);
+        assert!(file.truncate(3).is_err(), "there are two");
+        file.truncate(1).unwrap();
+        assert!(file.read(0, &mut back).is_err());
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! A [`Scratch`] is a folder for such files. A [`ScratchFile`] holds items of one kind by number. A [`Store`] holds chunks,
 //! in memory as long as they fit and then in one file; in it lie any number of [`Spool`]s, each a row of records that is
 //! appended to, and then taken away from either end. A [`Table`] is items by number, the latest of which are in memory.
+//! A [`CheckpointWriter`] writes down how far a run is, a [`CheckpointReader`] reads it in a later one.
 //!
 //! ```
 //! use scratch::{Piece, Scratch, Spool, Store, StoreOptions};
@@ -32,6 +33,7 @@
 //! # Ok::<(), scratch::Error>(())
 //! ```
 
+mod checkpoint;
 mod error;
 mod file;
 mod places;
@@ -39,6 +41,7 @@ mod spool;
 mod store;
 mod table;
 
+pub use checkpoint::{CheckpointError, CheckpointReader, CheckpointWriter};
 pub use error::Error;
 pub use file::{Scratch, ScratchFile};
 pub use spool::{Piece, SavedChunk, SavedSpool, Spool};

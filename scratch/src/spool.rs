@@ -253,6 +253,18 @@ impl<T: Pod> Spool<T> {
         }
         Ok(spool)
     }
+
+    /// Reads all that is in the file once, and makes sure that it is what was saved.
+    ///
+    /// # Errors
+    /// When it is not, or cannot be read.
+    pub fn check(&mut self, store: &mut Store) -> Result<(), Error> {
+        for entry in self.chunks.iter().filter(|entry| matches!(entry.place, Place::File(_))) {
+            let buffer = store.take(entry.place)?;
+            store.give_back(buffer);
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -391,6 +403,7 @@ mod tests {
         let read = |saved: &SavedSpool, chunks| -> Result<Vec<u32>, Error> {
             let mut store = Store::open_kept(&scratch, "log", 64, chunks)?;
             let mut spool = Spool::<u32>::restore(&store, saved)?;
+            spool.check(&mut store)?;
             let (mut piece, mut all) = (Piece::default(), Vec::new());
             while spool.take_last(&mut store, &mut piece)? {
                 all.extend(piece.items().iter().rev());

@@ -91,10 +91,11 @@ impl Store {
         Ok(store)
     }
 
-    /// The store that an earlier run has left under this name, with chunks of the same size, of which it had so many.
+    /// The store that an earlier run has left under this name, with chunks of the same size, of which it had so many; what was
+    /// written after these is cut off.
     ///
     /// # Errors
-    /// As [`Scratch::kept_file`].
+    /// As [`Scratch::kept_file`], and when there are fewer.
     pub fn open_kept(
         scratch: &Scratch,
         name: &str,
@@ -102,7 +103,10 @@ impl Store {
         num_chunks: u32,
     ) -> Result<Self, Error> {
         let mut store = Self::new(scratch, &StoreOptions { chunk_bytes, memory_bytes: 0 });
-        store.file = Some(scratch.kept_file(name)?);
+        let mut file = scratch.kept_file::<u32>(name)?;
+        file.truncate(u64::from(num_chunks) * store.chunk_words as u64)
+            .map_err(|_| store.inconsistent())?;
+        store.file = Some(file);
         store.kept = true;
         store.num_places = num_chunks;
         Ok(store)
@@ -230,7 +234,7 @@ impl Store {
     /// That a kept file does not hold what was saved.
     pub(crate) fn inconsistent(&self) -> Error {
         let damaged = "what an earlier run wrote is not there any more; begin again";
-        self.scratch.failed(std::io::Error::other(damaged))
+        self.scratch.failed(std::io::Error::new(std::io::ErrorKind::InvalidData, damaged))
     }
 
     /// Tells the system that a chunk will be taken soon.

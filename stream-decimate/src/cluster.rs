@@ -50,7 +50,7 @@ const NEAR_ENOUGH: f64 = 0.03;
 /// let positions = (0..1681).map(|i| vec3((i % 41) as f32, (i / 41) as f32, 0.0)).collect();
 /// let squares = (0..40).flat_map(|y| (0..40).map(move |x| 41 * y + x));
 /// let triangles = squares.flat_map(|v| [[v, v + 1, v + 42], [v, v + 42, v + 41]]).collect();
-/// let sheet = IndexedMesh { positions, triangles };
+/// let sheet = IndexedMesh { positions, triangles, ..Default::default() };
 /// let options = DecimateOptions::new(Target::Triangles(200));
 /// let mut open = || Ok(Box::new(MeshSource::new(sheet.clone(), "sheet")) as _);
 /// let (mesh, report) = decimate_clustered(&mut open, &options, &mut |_| ControlFlow::Continue(()))?;
@@ -267,6 +267,6 @@ impl Clusters {
             }
             *v = *number;
         }
-        IndexedMesh { positions, triangles }
+        IndexedMesh { positions, triangles, ..Default::default() }
     }
 }

@@ -186,7 +186,7 @@ impl StreamDecimator {
                 .min((self.most_vertices() - self.portion.num_vertices()) / 3);
             let end = triangles.len().min(at + room);
             let last = last.get(at..end).unwrap_or_default();
-            self.inserter.insert_all(&mut self.portion, &triangles[at..end], last, self.read);
+            self.inserter.insert_all(&mut self.portion, &triangles[at..end], &[], last, self.read);
             self.read += (end - at) as u64;
             at = end;
         }

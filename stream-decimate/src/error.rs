@@ -49,6 +49,15 @@ pub enum Error {
         /// What the operating system says.
         source: io::Error,
     },
+    /// A checkpoint of an earlier run cannot be gone on from.
+    #[error("the checkpoint: {0}")]
+    Checkpoint(#[from] scratch::CheckpointError),
+    /// What comes is not what an earlier run has read.
+    #[error("the first {read} triangles are not those that an earlier run has read")]
+    OtherInput {
+        /// Triangles that it has read.
+        read: u64,
+    },
     /// The threads could not be started.
     #[error("the threads for decimating could not be started: {0}")]
     Threads(rayon::ThreadPoolBuildError),

@@ -14,7 +14,7 @@
 use std::ops::Range;
 
 use glam::Vec3;
-use mesh_io::{Triangle, TriangleSource};
+use mesh_io::{Colour, Triangle, TriangleSource};
 use scratch::{Scratch, ScratchFile};
 
 use crate::external::{ExternalSort, Key};
@@ -55,14 +55,38 @@ pub(crate) trait Feed: Send {
 
     /// What is known once the batch read last is taken.
     fn finality(&self) -> Finality<'_>;
+
+    /// The colours of the corners of the batch read last; none where corners have no colours.
+    fn colours(&self) -> &[[Colour; 3]];
 }
 
 /// A source as it is: nothing is known.
-pub(crate) struct Direct<'a>(pub(crate) &'a mut (dyn TriangleSource + Send));
+pub(crate) struct Direct<'a> {
+    source: &'a mut (dyn TriangleSource + Send),
+    numbers: Vec<[u64; 3]>,
+    colours: Vec<[Colour; 3]>,
+}
+
+impl<'a> Direct<'a> {
+    pub(crate) fn new(source: &'a mut (dyn TriangleSource + Send)) -> Self {
+        Self { source, numbers: Vec::new(), colours: Vec::new() }
+    }
+}
 
 impl Feed for Direct<'_> {
     fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
-        Ok(self.0.read(out, max)?)
+        if !self.source.has_colours() {
+            return Ok(self.source.read(out, max)?);
+        }
+        self.numbers.clear();
+        self.colours.clear();
+        let count = self.source.read_numbered(out, &mut self.numbers, max)?;
+        self.source.look_up_colours(&self.numbers, &mut self.colours);
+        Ok(count)
+    }
+
+    fn colours(&self) -> &[[Colour; 3]] {
+        &self.colours
     }
 
     fn finality(&self) -> Finality<'_> {
@@ -78,6 +102,8 @@ pub(crate) struct Counted {
     block: Block,
     /// The triangles of the block that were given last.
     given: Range<usize>,
+    /// Their colours.
+    colours: Vec<[Colour; 3]>,
 }
 
 impl Counted {
@@ -118,7 +144,8 @@ fn count_in_rounds(
     for first in (0..table.limit).step_by(round as usize) {
         table.tag(first..table.limit.min(first + round), &mut shared)?;
     }
-    Ok(Counted { source, table, next: 0, block: Block::default(), given: 0..0 })
+    let (block, colours) = (Block::default(), Vec::new());
+    Ok(Counted { source, table, next: 0, block, given: 0..0, colours })
 }
 
 impl Feed for Counted {
@@ -134,7 +161,13 @@ impl Feed for Counted {
         let numbers = self.block.numbers[start..stop].iter();
         let numbers: Vec<[u64; 3]> = numbers.map(|triangle| triangle.map(u64::from)).collect();
         self.source.look_up(&numbers, out);
+        self.colours.clear();
+        self.source.look_up_colours(&numbers, &mut self.colours);
         Ok(numbers.len())
+    }
+
+    fn colours(&self) -> &[[Colour; 3]] {
+        &self.colours
     }
 
     fn finality(&self) -> Finality<'_> {
@@ -524,7 +557,8 @@ mod tests {
     #[test]
     fn a_strip_of_two() {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE];
-        let mesh = IndexedMesh { positions, triangles: vec![[0, 1, 2], [2, 1, 3]] };
+        let mesh =
+            IndexedMesh { positions, triangles: vec![[0, 1, 2], [2, 1, 3]], ..Default::default() };
         // Vertex 0 comes and goes with the first, vertex 3 with the second, the others from one to the other.
         assert_eq!(counted(&mesh, ROUND, 10), [0b111_001, 0b100_111]);
     }
@@ -532,14 +566,16 @@ mod tests {
     #[test]
     fn corners_that_are_the_same_vertex_are_tagged_alike() {
         let positions = vec![Vec3::ZERO, Vec3::X];
-        let mesh = IndexedMesh { positions, triangles: vec![[0, 1, 0], [1, 1, 1]] };
+        let mesh =
+            IndexedMesh { positions, triangles: vec![[0, 1, 0], [1, 1, 1]], ..Default::default() };
         assert_eq!(counted(&mesh, ROUND, 10), [0b111_101, 0b000_111]);
     }
 
     #[test]
     fn vertices_at_the_same_place_are_not_tagged() {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ZERO * -1.0, Vec3::ONE];
-        let mesh = IndexedMesh { positions, triangles: vec![[0, 1, 2], [3, 2, 4]] };
+        let mesh =
+            IndexedMesh { positions, triangles: vec![[0, 1, 2], [3, 2, 4]], ..Default::default() };
         assert_eq!(counted(&mesh, ROUND, 10), [0b110_010, 0b100_110]);
         // However many there are.
         let soup = IndexedMesh::from_soup(&vec![[Vec3::X, Vec3::Y, Vec3::Z]; 1000]);
@@ -553,7 +589,7 @@ mod tests {
         let n = 2 * BLOCK as u32 + 100;
         let positions = (0..=n + 1).map(|i| Vec3::new(i as f32, (i % 7) as f32, 0.0)).collect();
         let triangles = (1..=n).map(|i| [0, i, i + 1]).collect();
-        let mesh = IndexedMesh { positions, triangles };
+        let mesh = IndexedMesh { positions, triangles, ..Default::default() };
         let mut expected = vec![0b100_010; n as usize];
         expected[0] = 0b111_010;
         expected[n as usize - 1] = 0b100_111;
@@ -585,7 +621,7 @@ mod tests {
             let positions: Vec<Vec3> = places.iter().map(position).collect();
             let index = |corner: prop::sample::Index| corner.index(positions.len()) as u32;
             let triangles = corners.into_iter().map(|t| t.map(index)).collect();
-            let mesh = IndexedMesh { positions, triangles };
+            let mesh = IndexedMesh { positions, triangles, ..Default::default() };
             prop_assert_eq!(counted(&mesh, round, batch), naive(&mesh));
         }
     }

@@ -56,7 +56,7 @@ const WORTH_ANOTHER_SWEEP: f64 = 1e-3;
 /// let positions = (0..121).map(|i| vec3((i % 11) as f32, (i / 11) as f32, 0.0)).collect();
 /// let cells = (0..10).flat_map(|y| (0..10).map(move |x| 11 * y + x));
 /// let triangles = cells.flat_map(|v| [[v, v + 1, v + 12], [v, v + 12, v + 11]]).collect();
-/// let square = IndexedMesh { positions, triangles };
+/// let square = IndexedMesh { positions, triangles, ..Default::default() };
 /// let options = DecimateOptions::new(Target::MaxError(0.01));
 /// let (mesh, report) = decimate_greedy(&square, &options, &mut |_| ControlFlow::Continue(()))?;
 /// assert_eq!(mesh.triangles.len(), 2);
@@ -254,6 +254,6 @@ impl Greedy {
         }
         let corners = mesh.faces().filter_map(|f| mesh.corners(f));
         let triangles = corners.map(|t| t.map(|v: VertexId| number[v.index()])).collect();
-        IndexedMesh { positions: kept, triangles }
+        IndexedMesh { positions: kept, triangles, ..Default::default() }
     }
 }

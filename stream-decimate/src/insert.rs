@@ -1,18 +1,22 @@
 //! READ (Wu and Kobbelt 2003, §4.2): triangles find their neighbours by the coordinates of their corners.
 
 use glam::Vec3;
-use mesh_io::Triangle;
+use mesh_io::{Colour, Triangle};
 use qem::{ErrorMetric, Quadric};
 
 use crate::Repairs;
 use crate::lookup::{Lookup, key};
 use crate::names::normal_at;
+use crate::paint::Paint;
 use crate::portion::{Portion, state};
 use crate::sealed::Trace;
 use crate::star::{Added, Joint};
 
 /// A vertex that is known to have had its last triangle waits for nothing.
 pub(crate) const NOTHING: u32 = u32::MAX;
+
+/// Colours of a triangle without any.
+const UNCOLOURED: [Colour; 3] = [[255; 4]; 3];
 
 /// The clock of the waiting vertices ticks once in so many triangles.
 const TICK: u64 = 64;
@@ -43,16 +47,18 @@ impl Inserter {
     }
 
     /// Puts triangles where they belong, before which `first` have been read. Of each, `last` tells the corners that are the
-    /// last ones of their vertices, if it is not empty.
+    /// last ones of their vertices, if it is not empty; and so `colours` their colours.
     pub(crate) fn insert_all(
         &mut self,
         portion: &mut Portion,
         triangles: &[Triangle],
+        colours: &[[Colour; 3]],
         last: &[u8],
         first: u64,
     ) {
         for (i, (triangle, number)) in triangles.iter().zip(first + 1..).enumerate() {
-            let inserted = self.insert(portion, triangle);
+            let colours = colours.get(i).copied().unwrap_or(UNCOLOURED);
+            let inserted = self.insert(portion, triangle, colours);
             for v in inserted.into_iter().flatten() {
                 portion.waiting[v as usize] = clock(number);
             }
@@ -90,7 +96,12 @@ impl Inserter {
     }
 
     /// Puts a triangle where it belongs; its vertices, if it did not have to be left out.
-    fn insert(&mut self, portion: &mut Portion, triangle: &Triangle) -> Option<[u32; 3]> {
+    fn insert(
+        &mut self,
+        portion: &mut Portion,
+        triangle: &Triangle,
+        colours: [Colour; 3],
+    ) -> Option<[u32; 3]> {
         // Adding zero makes −0 equal to +0.
         let corners = triangle.map(|corner| corner + Vec3::ZERO);
         if !corners.iter().all(|c| c.is_finite()) {
@@ -106,15 +117,9 @@ impl Inserter {
         let found =
             if portion.sealed.is_empty() { found } else { self.trace(portion, corners, found)? };
         let (vertices, joints) = match joints(portion, found) {
-            Some(joints) => {
-                let mut vertices = [0; 3];
-                for ((vertex, found), &corner) in vertices.iter_mut().zip(found).zip(&corners) {
-                    *vertex = found.unwrap_or_else(|| self.new_vertex(portion, corner));
-                }
-                (vertices, joints)
-            }
+            Some(joints) => (self.vertices(portion, found, corners, colours), joints),
             None => {
-                let vertices = self.cut_off(portion, corners)?;
+                let vertices = self.cut_off(portion, corners, colours)?;
                 (vertices, joints(portion, vertices.map(Some))?)
             }
         };
@@ -122,6 +127,9 @@ impl Inserter {
             if portion.state(v) == state::BOUNDARY {
                 portion.reopen(v);
             }
+        }
+        if portion.has_colours {
+            self.compare_colours(portion, vertices, colours);
         }
         portion.count_triangles(1, 0);
         let cross = (q - p).cross(r - p);
@@ -140,6 +148,9 @@ impl Inserter {
         let corners = [(a, b, c), (b, c, a), (c, a, b)].into_iter().zip(joints);
         for (((v, x, y), joint), tag) in corners.zip(half_edge..) {
             portion.add_plane(v, &plane);
+            if let Some(paint) = portion.paints.get_mut(v as usize) {
+                paint.add_area(0.5 * cross.length());
+            }
             match portion.stars.all().add(v, x, y, joint, tag) {
                 Added::Open => portion.set_state(v, state::OPEN),
                 Added::Ring => {
@@ -191,15 +202,44 @@ impl Inserter {
         self.lookup.find(position + Vec3::ZERO, |v| portion.position(v))
     }
 
-    fn new_vertex(&mut self, portion: &mut Portion, position: Vec3) -> u32 {
-        let v = portion.add_vertex(position);
+    /// Those that were found, and new ones where there are none.
+    #[inline]
+    fn vertices(
+        &mut self,
+        portion: &mut Portion,
+        found: [Option<u32>; 3],
+        corners: Triangle,
+        colours: [Colour; 3],
+    ) -> [u32; 3] {
+        let mut vertices = [0; 3];
+        let corners = corners.into_iter().zip(colours);
+        for ((vertex, found), (corner, colour)) in vertices.iter_mut().zip(found).zip(corners) {
+            *vertex = found.unwrap_or_else(|| self.new_vertex(portion, corner, colour));
+        }
+        vertices
+    }
+
+    /// Counts the corners whose vertices have other colours already.
+    fn compare_colours(&mut self, portion: &Portion, vertices: [u32; 3], colours: [Colour; 3]) {
+        let corners = vertices.into_iter().zip(colours);
+        let differ = |&(v, colour): &(u32, Colour)| portion.paints[v as usize].colour != colour;
+        self.repairs.recoloured += corners.filter(differ).count() as u64;
+    }
+
+    fn new_vertex(&mut self, portion: &mut Portion, position: Vec3, colour: Colour) -> u32 {
+        let v = portion.add_vertex(position, colour);
         self.lookup.insert(position, v);
         v
     }
 
     /// The vertices of a triangle one of whose edges has its triangles already: of all vertices at its corners, those
     /// that join it to the most neighbours, and new ones where none fits. `None` if it is there already.
-    fn cut_off(&mut self, portion: &mut Portion, corners: Triangle) -> Option<[u32; 3]> {
+    fn cut_off(
+        &mut self,
+        portion: &mut Portion,
+        corners: Triangle,
+        colours: [Colour; 3],
+    ) -> Option<[u32; 3]> {
         let mut choices: [Vec<Option<u32>>; 3] = Default::default();
         for (choice, &corner) in choices.iter_mut().zip(&corners) {
             let all = self.lookup.find_all(key(corner), |v| portion.position(v) == corner);
@@ -240,11 +280,7 @@ impl Inserter {
         }
         self.repairs.non_manifold += 1;
         let (_, chosen) = best?;
-        let mut vertices = [0; 3];
-        for ((vertex, chosen), &corner) in vertices.iter_mut().zip(chosen).zip(&corners) {
-            *vertex = chosen.unwrap_or_else(|| self.new_vertex(portion, corner));
-        }
-        Some(vertices)
+        Some(self.vertices(portion, chosen, corners, colours))
     }
 
     /// Gives all fans of a vertex but the last to a vertex of their own, which is open.
@@ -252,19 +288,28 @@ impl Inserter {
         self.repairs.split_vertices += 1;
         let fans = portion.stars.all().take_all_but_last(v);
         let position = portion.position(v);
-        let other = self.new_vertex(portion, position);
+        let colour = portion.paints.get(v as usize).map_or(UNCOLOURED[0], |paint| paint.colour);
+        let other = self.new_vertex(portion, position, colour);
         portion.stars.all().adopt(other, v, &fans);
         for vertex in [v, other] {
             let mut quadric = Quadric::default();
             let mut normal = Vec3::ZERO;
+            let mut paint =
+                portion.paints.get(vertex as usize).map(|paint| Paint::new(paint.colour));
             for (a, b) in portion.stars.fans(vertex).triangles() {
                 let [a, b] = [a, b].map(|x| portion.position(x) - position);
                 quadric.merge(&Quadric::from_triangle([Vec3::ZERO, a, b]));
                 normal += normal_at([Vec3::ZERO, a, b], a.cross(b));
+                if let Some(paint) = &mut paint {
+                    paint.add_area(0.5 * a.cross(b).length());
+                }
             }
             portion.vertices[vertex as usize].quadric = quadric;
             if let Some(identity) = portion.identities.get_mut(vertex as usize) {
                 identity.normal = normal;
+            }
+            if let Some(paint) = paint {
+                portion.paints[vertex as usize] = paint;
             }
         }
         portion.waiting[other as usize] = portion.waiting[v as usize];

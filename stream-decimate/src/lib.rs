@@ -26,7 +26,7 @@
 //! let point = |i: u32| vec3((i % 51) as f32, (i / 51) as f32, (0.2 * (i % 51) as f32).sin());
 //! let cells = (0..50).flat_map(|y| (0..50).map(move |x| 51 * y + x));
 //! let triangles = cells.flat_map(|v| [[v, v + 1, v + 52], [v, v + 52, v + 51]]).collect();
-//! let mesh = IndexedMesh { positions: (0..51 * 51).map(point).collect(), triangles };
+//! let mesh = IndexedMesh { positions: (0..51 * 51).map(point).collect(), triangles, ..Default::default() };
 //!
 //! let mut out = Soup(Vec::new());
 //! let options = DecimateOptions::new(Target::Ratio(0.02));
@@ -64,6 +64,7 @@ mod missed;
 mod names;
 mod new_star;
 mod options;
+mod paint;
 mod portion;
 mod presort;
 mod progress;
@@ -79,8 +80,8 @@ mod write;
 
 pub use cluster::decimate_clustered;
 pub use collapse::{
-    CollapseOptions, CollapseReport, Collapsed, CollapsedFace, CollapsedMesh, CollapsedVertex,
-    ReadOrder, collapse, collapse_file,
+    CollapseOptions, CollapseReport, CollapseState, Collapsed, CollapsedFace, CollapsedMesh,
+    CollapsedVertex, Collapsing, ReadOrder, Recorder, check_input, collapse, collapse_file,
 };
 pub use decimator::StreamDecimator;
 pub use error::Error;

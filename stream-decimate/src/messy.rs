@@ -1,7 +1,7 @@
 //! A mesh for tests that has been in an accident.
 
 use glam::{Vec3, vec3};
-use mesh_io::Triangle;
+use mesh_io::{Colour, Triangle};
 
 /// A sheet with holes, some of its triangles later than they should be, some of them at wrong places.
 pub(crate) fn sheet(rows: usize, holes: usize, mess: &[usize]) -> Vec<Triangle> {
@@ -26,4 +26,10 @@ pub(crate) fn sheet(rows: usize, holes: usize, mess: &[usize]) -> Vec<Triangle> 
         }
     }
     triangles
+}
+
+/// A colour that tells where it belongs.
+pub(crate) fn colour_at(p: Vec3) -> Colour {
+    let mix = |hash: u32, c: &f32| (hash ^ c.to_bits()).wrapping_mul(0x9e37_79b1).rotate_left(9);
+    (p + Vec3::ZERO).to_array().iter().fold(7, mix).to_le_bytes()
 }

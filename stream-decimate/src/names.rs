@@ -4,7 +4,8 @@
 use glam::Vec3;
 
 /// Who a vertex is, where collapses are recorded.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub(crate) struct Identity {
     pub(crate) name: u32,
     /// One more than the rank of the collapse that touched it last.
@@ -18,8 +19,8 @@ pub(crate) struct Identity {
 /// The names that are not in use.
 #[derive(Debug, Default)]
 pub(crate) struct Names {
-    vertices: Free,
-    faces: Free,
+    pub(crate) vertices: Free,
+    pub(crate) faces: Free,
 }
 
 impl Names {
@@ -40,11 +41,12 @@ impl Names {
     }
 }
 
+/// Those of one kind.
 #[derive(Debug, Default)]
-struct Free {
-    names: Vec<u32>,
+pub(crate) struct Free {
+    pub(crate) names: Vec<u32>,
     /// How many have ever been in use.
-    used: u32,
+    pub(crate) used: u32,
 }
 
 impl Free {

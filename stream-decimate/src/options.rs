@@ -66,6 +66,9 @@ pub enum OptionsError {
     /// The buffer is too small to hold a neighbourhood.
     #[error("a buffer of {0} triangles is too small, give it 64 or more")]
     Buffer(usize),
+    /// The weight of colours is negative, or not a number that makes sense.
+    #[error("colours weigh {0}, that has to be 0 to 1,000,000")]
+    ColourWeight(f32),
     /// The number of candidates is out of range.
     #[error("{0} candidates per choice, there have to be 1 to 64")]
     Candidates(usize),

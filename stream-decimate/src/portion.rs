@@ -1,10 +1,15 @@
 //! The in-core portion of the mesh (Wu and Kobbelt 2003, §4: the part B).
 
+mod saved;
+
 use glam::Vec3;
+use mesh_io::Colour;
 use qem::Quadric;
 use rayon::prelude::*;
+pub(crate) use saved::Limits;
 
 use crate::names::{Identity, Names};
+use crate::paint::{self, Paint};
 use crate::sealed::Sealed;
 use crate::star::{StarSlice, Stars};
 
@@ -41,7 +46,7 @@ pub(crate) const UNRATED: f32 = 0.0;
 const STATE: u8 = 15;
 
 /// What belongs to one vertex: a cache line.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Vertex {
     /// Where it is.
@@ -66,6 +71,9 @@ pub(crate) struct Window<'a> {
     bounds: &'a mut [f32],
     /// Of each vertex, or of none.
     identities: &'a mut [Identity],
+    /// Of each vertex, or of none.
+    paints: &'a mut [Paint],
+    colour_scale: f32,
 }
 
 impl Window<'_> {
@@ -128,6 +136,36 @@ impl Window<'_> {
     #[inline]
     pub(crate) fn identity_mut(&mut self, v: u32) -> &mut Identity {
         &mut self.identities[(v - self.base) as usize]
+    }
+
+    /// The colour of a vertex, if vertices have colours.
+    pub(crate) fn colour(&self, v: u32) -> Option<Colour> {
+        self.paints.get((v - self.base) as usize).map(|paint| paint.colour)
+    }
+
+    /// Whether the errors of colours count.
+    #[inline]
+    pub(crate) fn has_colour_costs(&self) -> bool {
+        self.colour_scale > 0.0
+    }
+
+    /// What collapsing `v` into `u` costs because of their colours; only where that [counts](Self::has_colour_costs).
+    pub(crate) fn colour_cost(&self, v: u32, u: u32) -> f32 {
+        self.colour_scale * paint::error(self, v, u)
+    }
+
+    /// The paint of a vertex; only where vertices have colours.
+    #[inline]
+    pub(crate) fn paint(&self, v: u32) -> &Paint {
+        &self.paints[(v - self.base) as usize]
+    }
+
+    /// Gives `u` what `v` stands for, if vertices have colours.
+    pub(crate) fn take_paint(&mut self, v: u32, u: u32) {
+        let from = self.paints.get((v - self.base) as usize).copied();
+        if let (Some(from), Some(to)) = (from, self.paints.get_mut((u - self.base) as usize)) {
+            to.add_area(from.area);
+        }
     }
 
     #[inline]
@@ -202,6 +240,12 @@ pub(crate) struct Portion {
     pub(crate) identities: Vec<Identity>,
     /// The names they may have.
     pub(crate) names: Option<Names>,
+    /// Their colours, where they have some; else empty.
+    pub(crate) paints: Vec<Paint>,
+    /// Whether they have.
+    pub(crate) has_colours: bool,
+    /// What an error of colours is multiplied with to be a cost: the square of a length; 0 where it does not count.
+    pub(crate) colour_scale: f32,
     /// Vertices not in use, the first of them last.
     free: Vec<u32>,
     num_triangles: usize,
@@ -233,6 +277,17 @@ impl Portion {
         if self.names.is_some() {
             self.identities.reserve_exact(vertices);
         }
+        if self.has_colours {
+            self.paints.reserve_exact(vertices);
+        }
+    }
+
+    /// Lets vertices have colours; there are none yet.
+    pub(crate) fn with_colours(mut self) -> Self {
+        self.has_colours = true;
+        let vertices = self.vertices.capacity();
+        self.paints.reserve_exact(vertices);
+        self
     }
 
     /// Triangles in the buffer.
@@ -267,8 +322,8 @@ impl Portion {
         self.vertices[v as usize].position
     }
 
-    /// A new vertex without triangles.
-    pub(crate) fn add_vertex(&mut self, position: Vec3) -> u32 {
+    /// A new vertex without triangles; the colour is only looked at if vertices have colours.
+    pub(crate) fn add_vertex(&mut self, position: Vec3, colour: Colour) -> u32 {
         let vertex = Vertex {
             position,
             quadric: Quadric::default(),
@@ -284,6 +339,9 @@ impl Portion {
             Some(v) => {
                 if let Some(identity) = identity {
                     self.identities[v as usize] = identity;
+                }
+                if self.has_colours {
+                    self.paints[v as usize] = Paint::new(colour);
                 }
                 self.vertices[v as usize] = vertex;
                 self.flags[v as usize] = state::OPEN;
@@ -301,6 +359,9 @@ impl Portion {
                 self.bounds.push(f32::INFINITY);
                 self.waiting.push(0);
                 self.identities.extend(identity);
+                if self.has_colours {
+                    self.paints.push(Paint::new(colour));
+                }
                 self.stars.push();
                 v
             }
@@ -324,6 +385,8 @@ impl Portion {
             flags: &mut self.flags,
             bounds: &mut self.bounds,
             identities: &mut self.identities,
+            paints: &mut self.paints,
+            colour_scale: self.colour_scale,
         }
     }
 
@@ -338,6 +401,8 @@ impl Portion {
         let (mut vertices, mut flags, mut bounds) =
             (&mut self.vertices[..], &mut self.flags[..], &mut self.bounds[..]);
         let mut identities = &mut self.identities[..];
+        let (has_colours, colour_scale) = (self.has_colours, self.colour_scale);
+        let mut paints = &mut self.paints[..];
         let stars = self.stars.slices(lengths.clone());
         lengths
             .zip(stars)
@@ -349,6 +414,8 @@ impl Portion {
                     flags: take_front(&mut flags, length),
                     bounds: take_front(&mut bounds, length),
                     identities: take_front(&mut identities, if has_names { length } else { 0 }),
+                    paints: take_front(&mut paints, if has_colours { length } else { 0 }),
+                    colour_scale,
                 };
                 base += length as u32;
                 window
@@ -370,12 +437,15 @@ impl Portion {
         for (new, &old) in order[..used].iter().enumerate() {
             new_of[old as usize] = new as u32;
         }
-        let Self { vertices, stars, flags, bounds, waiting, identities, .. } = self;
+        let Self { vertices, stars, flags, bounds, waiting, identities, paints, .. } = self;
         rayon::join(
             || {
                 permute(vertices, order);
                 if !identities.is_empty() {
                     permute(identities, order);
+                }
+                if !paints.is_empty() {
+                    permute(paints, order);
                 }
             },
             || {
@@ -395,6 +465,7 @@ impl Portion {
         self.bounds.truncate(used);
         self.waiting.truncate(used);
         self.identities.truncate(used);
+        self.paints.truncate(used);
         self.vertices.par_iter_mut().with_min_len(4096).for_each(|vertex| {
             // A target that has gone was forgotten with its rating.
             vertex.target = new_of.get(vertex.target as usize).copied().unwrap_or(u32::MAX);
@@ -420,6 +491,9 @@ impl Portion {
                 self.waiting[used] = self.waiting[old];
                 if let Some(&identity) = self.identities.get(old) {
                     self.identities[used] = identity;
+                }
+                if let Some(&paint) = self.paints.get(old) {
+                    self.paints[used] = paint;
                 }
                 self.stars.swap(used, old);
             }
@@ -480,6 +554,28 @@ impl Portion {
         for (identity, flags) in self.identities.iter_mut().zip(&self.flags) {
             if flags & state::MAY_GO != 0 && identity.mean == Vec3::ZERO {
                 identity.mean = identity.normal.normalize_or_zero();
+            }
+        }
+    }
+
+    /// Sets what the errors of colours cost: as much as if the surface had moved by `weight` times the diagonal of the bounding
+    /// box of what is there, where it has moved by all of one component. Ratings that are older are forgotten.
+    pub(crate) fn scale_colours(&mut self, weight: f32) {
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        if self.has_colours && weight > 0.0 {
+            let used = self.flags.iter().map(|flags| flags & STATE != state::FREE);
+            for (vertex, _) in self.vertices.iter().zip(used).filter(|&(_, used)| used) {
+                (low, high) = (low.min(vertex.position), high.max(vertex.position));
+            }
+        }
+        let length = if low.cmple(high).all() { weight * low.distance(high) } else { 0.0 };
+        let scale = length * length;
+        if scale != self.colour_scale {
+            self.colour_scale = scale;
+            for (flags, bound) in self.flags.iter().zip(&mut self.bounds) {
+                if *flags & state::MAY_GO != 0 {
+                    *bound = UNRATED;
+                }
             }
         }
     }

@@ -6,8 +6,9 @@
 //! # Sources
 //! Wu and Kobbelt, *A Stream Algorithm for the Decimation of Massive Meshes*, 2003, §3.1, presort their input likewise.
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
-use mesh_io::{Triangle, TriangleSource};
+use mesh_io::{Colour, Triangle, TriangleSource};
 use scratch::Scratch;
 
 use crate::external::{ExternalSort, Key, Sorted};
@@ -29,14 +30,30 @@ pub(crate) type Open<'a> =
 
 /// A stream in the order of its triangles' smallest coordinates on one axis; those with the same in the order they came.
 pub(crate) struct Presorted {
-    sorted: Sorted<Triangle, Along>,
+    sorted: Order,
     axis: usize,
     count: u64,
+    /// Of the triangles given last.
+    colours: Vec<[Colour; 3]>,
+}
+
+/// Triangles with or without colours of their corners.
+enum Order {
+    Plain(Sorted<Triangle, Along>),
+    Coloured { sorted: Sorted<Coloured, Along>, taken: Vec<Coloured> },
+}
+
+/// A triangle with the colours of its corners.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Coloured {
+    triangle: Triangle,
+    colours: [Colour; 3],
 }
 
 /// Reads a file twice, to find its axis and to sort it, in so many bytes of memory.
 ///
-/// The scratch files take 36 bytes per triangle; twice that where there are more than `memory / 64 KiB` runs of
+/// The scratch files take 36 bytes per triangle, 48 with colours; twice that where there are more than `memory / 64 KiB` runs of
 /// `memory / 44` triangles, which is above 380 million triangles for 32 MiB.
 ///
 /// # Errors
@@ -68,18 +85,35 @@ pub(crate) fn presort(
     let axis =
         (1..3).fold(0, |longest, axis| if extent[axis] > extent[longest] { axis } else { longest });
 
-    let mut sort = ExternalSort::new(scratch, memory, Along { axis });
-    scratch.require(sort.scratch_bytes(done))?;
     expected = Some(2 * done);
     source = open()?;
     let mut count = 0;
-    while source.read(&mut batch, BATCH)? > 0 {
-        count += batch.len() as u64;
-        batch.drain(..).try_for_each(|triangle| sort.push(triangle))?;
-        tell(done + count, expected)?;
-    }
+    let sorted = if source.has_colours() {
+        let mut sort = ExternalSort::new(scratch, memory, Along { axis });
+        scratch.require(sort.scratch_bytes(done))?;
+        let (mut numbers, mut colours) = (Vec::new(), Vec::new());
+        while source.read_numbered(&mut batch, &mut numbers, BATCH)? > 0 {
+            count += batch.len() as u64;
+            source.look_up_colours(&numbers, &mut colours);
+            let both = batch.drain(..).zip(colours.drain(..));
+            both.map(|(triangle, colours)| Coloured { triangle, colours })
+                .try_for_each(|coloured| sort.push(coloured))?;
+            numbers.clear();
+            tell(done + count, expected)?;
+        }
+        Order::Coloured { sorted: sort.finish()?, taken: Vec::new() }
+    } else {
+        let mut sort = ExternalSort::new(scratch, memory, Along { axis });
+        scratch.require(sort.scratch_bytes(done))?;
+        while source.read(&mut batch, BATCH)? > 0 {
+            count += batch.len() as u64;
+            batch.drain(..).try_for_each(|triangle| sort.push(triangle))?;
+            tell(done + count, expected)?;
+        }
+        Order::Plain(sort.finish()?)
+    };
     drop(source);
-    Ok(Presorted { sorted: sort.finish()?, axis, count })
+    Ok(Presorted { sorted, axis, count, colours: Vec::new() })
 }
 
 impl Presorted {
@@ -91,12 +125,30 @@ impl Presorted {
 
 impl Feed for Presorted {
     fn read(&mut self, out: &mut Vec<Triangle>, max: usize) -> Result<usize, Error> {
-        self.sorted.take(out, max)
+        match &mut self.sorted {
+            Order::Plain(sorted) => sorted.take(out, max),
+            Order::Coloured { sorted, taken } => {
+                taken.clear();
+                let count = sorted.take(taken, max)?;
+                out.extend(taken.iter().map(|coloured| coloured.triangle));
+                self.colours.clear();
+                self.colours.extend(taken.iter().map(|coloured| coloured.colours));
+                Ok(count)
+            }
+        }
+    }
+
+    fn colours(&self) -> &[[Colour; 3]] {
+        &self.colours
     }
 
     fn finality(&self) -> Finality<'_> {
         // All that is to come lies beyond the first that is to come.
-        let coordinate = match self.sorted.next_key() {
+        let next_key = match &self.sorted {
+            Order::Plain(sorted) => sorted.next_key(),
+            Order::Coloured { sorted, .. } => sorted.next_key(),
+        };
+        let coordinate = match next_key {
             None => f32::INFINITY,
             Some(NOT_FINITE) => f32::NEG_INFINITY,
             Some(key) => coordinate(key),
@@ -122,6 +174,13 @@ impl Key<Triangle> for Along {
         let bits = (a.min(b).min(c) + 0.0).to_bits();
         // The order of the numbers: all bits of negative ones turned round, only the sign of the others.
         if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+    }
+}
+
+impl Key<Coloured> for Along {
+    #[inline]
+    fn of(&self, coloured: &Coloured) -> u32 {
+        self.of(&coloured.triangle)
     }
 }
 

@@ -12,6 +12,8 @@ pub enum Stage {
     Counting,
     /// Sorting the input along its longest axis.
     Sorting,
+    /// Reading once more what an earlier run has read.
+    Skipping,
     /// Decimating.
     #[default]
     Decimating,

@@ -227,11 +227,15 @@ impl InPlace {
         let fans = window.stars.fans(v);
         let takers = takers(window, v);
         let mut list = Self { choices: [(f32::INFINITY, 0); MOST_RATED], len: 0 };
+        let has_colour_costs = window.has_colour_costs();
         let consider = |u: u32| {
             if list.len < MOST_RATED && window.state(u) & takers != 0 {
                 let other = window.vertex(u);
-                let cost = center.quadric.cost(other.position - center.position)
+                let mut cost = center.quadric.cost(other.position - center.position)
                     + other.quadric.cost(Vec3::ZERO);
+                if has_colour_costs {
+                    cost += window.colour_cost(v, u);
+                }
                 list.choices[list.len] = (cost, u);
                 list.len += 1;
             }

@@ -46,11 +46,37 @@ pub struct Repairs {
     pub late: u64,
     /// Triangles that came after their neighbourhood had been closed, and could not be attached: there is a crack.
     pub late_cracks: u64,
+    /// Corners with another colour than the first one at that place had, which all have now.
+    pub recoloured: u64,
 }
 
 impl Repairs {
+    /// What has these counts, in the order of [`counts`](Self::counts).
+    pub(crate) fn of(counts: [u64; 8]) -> Self {
+        let [
+            non_finite,
+            degenerate,
+            duplicate,
+            non_manifold,
+            split_vertices,
+            late,
+            late_cracks,
+            recoloured,
+        ] = counts;
+        Self {
+            non_finite,
+            degenerate,
+            duplicate,
+            non_manifold,
+            split_vertices,
+            late,
+            late_cracks,
+            recoloured,
+        }
+    }
+
     /// The counts with their names.
-    pub fn counts(&self) -> [(&'static str, u64); 7] {
+    pub fn counts(&self) -> [(&'static str, u64); 8] {
         [
             ("non_finite", self.non_finite),
             ("degenerate", self.degenerate),
@@ -59,6 +85,7 @@ impl Repairs {
             ("split_vertices", self.split_vertices),
             ("late", self.late),
             ("late_cracks", self.late_cracks),
+            ("recoloured", self.recoloured),
         ]
     }
 }

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use mesh_io::{Frame, Triangle, TriangleSink, TriangleSource};
+use mesh_io::{Colour, Frame, Triangle, TriangleSink, TriangleSource};
 use scratch::Scratch;
 
 use crate::decimator::{StreamDecimator, WhenCrowded};
@@ -15,7 +15,7 @@ use crate::presort::{self, Open};
 use crate::{DecimateOptions, DecimateReport, Error, Observer, Progress};
 
 /// Triangles that go from thread to thread at a time.
-const BATCH: usize = 1 << 12;
+pub(crate) const BATCH: usize = 1 << 12;
 /// Batches under way at most, in either direction.
 const UNDER_WAY: usize = 3;
 /// How often the observer is told.
@@ -42,7 +42,7 @@ pub fn decimate(
     let hint = source.triangle_hint();
     let mut decimator = StreamDecimator::new(options, expected)?;
     decimator.expect(hint);
-    run(&mut Direct(source), sink, &mut decimator, observer)
+    run(&mut Direct::new(source), sink, &mut decimator, observer)
 }
 
 /// Decimates a file, which may be read more than once.
@@ -83,7 +83,7 @@ pub fn decimate_file(
     let crowded =
         |result: &Result<DecimateReport, Error>| matches!(result, Err(Error::Unsorted { .. }));
 
-    let direct = attempt(&mut Direct(&mut *source), WhenCrowded::Fail, length, observer);
+    let direct = attempt(&mut Direct::new(&mut *source), WhenCrowded::Fail, length, observer);
     if !crowded(&direct) {
         return direct;
     }
@@ -135,12 +135,22 @@ fn count_triangles(
 #[derive(Debug, Default)]
 struct Batch {
     triangles: Vec<Triangle>,
+    colours: Vec<[Colour; 3]>,
     known: Known,
+}
+
+/// Triangles that have arrived.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arrived<'a> {
+    pub(crate) triangles: &'a [Triangle],
+    /// Of their corners; none where these have none.
+    pub(crate) colours: &'a [[Colour; 3]],
+    pub(crate) finality: Finality<'a>,
 }
 
 /// [`Finality`], to be sent.
 #[derive(Debug, Default)]
-enum Known {
+pub(crate) enum Known {
     #[default]
     Nothing,
     Corners(Vec<u8>),
@@ -151,7 +161,7 @@ enum Known {
 }
 
 impl Known {
-    fn new(finality: Finality<'_>) -> Self {
+    pub(crate) fn new(finality: Finality<'_>) -> Self {
         match finality {
             Finality::Unknown => Self::Nothing,
             Finality::Corners(tags) => Self::Corners(tags.to_vec()),
@@ -159,7 +169,7 @@ impl Known {
         }
     }
 
-    fn finality(&self) -> Finality<'_> {
+    pub(crate) fn finality(&self) -> Finality<'_> {
         match self {
             Self::Nothing => Finality::Unknown,
             Self::Corners(tags) => Finality::Corners(tags),
@@ -209,7 +219,8 @@ fn read(
             return Ok(());
         }
         let known = Known::new(feed.finality());
-        if to_decimate.send(Batch { triangles, known }).is_err() {
+        let colours = feed.colours().to_vec();
+        if to_decimate.send(Batch { triangles, colours, known }).is_err() {
             return Ok(());
         }
     }
@@ -219,7 +230,7 @@ fn read(
 pub(crate) fn with_reader<E: From<Error>>(
     feed: &mut dyn Feed,
     observer: &mut Observer<'_>,
-    mut take: impl FnMut(Option<(&[Triangle], Finality<'_>)>, &mut Observer<'_>) -> Result<Progress, E>,
+    mut take: impl FnMut(Option<Arrived<'_>>, &mut Observer<'_>) -> Result<Progress, E>,
 ) -> Result<(), E> {
     thread::scope(|scope| {
         let (to_take, batches) = sync_channel(UNDER_WAY);
@@ -232,8 +243,12 @@ pub(crate) fn with_reader<E: From<Error>>(
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => break Ok(()),
             };
-            let known = batch.as_ref().map(|batch| (&batch.triangles[..], batch.known.finality()));
-            let progress = match take(known, observer) {
+            let arrived = batch.as_ref().map(|batch| Arrived {
+                triangles: &batch.triangles,
+                colours: &batch.colours,
+                finality: batch.known.finality(),
+            });
+            let progress = match take(arrived, observer) {
                 Ok(progress) => progress,
                 Err(error) => break Err(error),
             };
@@ -286,7 +301,7 @@ fn decimate_batches(
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => break,
         };
-        if let Some(Batch { triangles, known }) = batch {
+        if let Some(Batch { triangles, known, .. }) = batch {
             decimator.push_with(&triangles, known.finality(), &mut sink)?;
             // If there are enough empty ones already, this one is dropped.
             match give_back.try_send(triangles) {

@@ -11,12 +11,14 @@
 //! Where collapses are recorded, triangles have numbers that outlast what happens around them: then each neighbour `xᵢ` that is
 //! not the last of a fan has a *tag*, the half-edge `v→xᵢ` of the triangle `(v, xᵢ, xᵢ₊₁)`.
 
+mod saved;
 mod slice;
 
 use rayon::prelude::*;
 use wide::i32x8;
 
 use crate::portion::{permute, take_front};
+pub(crate) use saved::LongStars;
 
 /// Neighbours that fit into the cache line.
 const INLINE: usize = 15;
@@ -39,7 +41,7 @@ struct Star {
 }
 
 /// The tags of a star's entries.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Tags([u32; INLINE + 1]);
 
@@ -258,6 +260,11 @@ impl Stars {
         if self.are_tagged {
             self.tags.reserve_exact(count);
         }
+    }
+
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        self.stars.len()
     }
 
     /// With tags from now on; there are no vertices yet.

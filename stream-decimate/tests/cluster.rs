@@ -95,7 +95,8 @@ fn extreme_sizes_and_places_are_fine() {
     let mesh = bumpy_square(20);
     for (scale, offset) in [(1e-20, 0.0), (1e20, 0.0), (1e-3, 5000.0), (1.0, 1e6)] {
         let positions = mesh.positions.iter().map(|&p| p * scale + offset).collect();
-        let moved = IndexedMesh { positions, triangles: mesh.triangles.clone() };
+        let moved =
+            IndexedMesh { positions, triangles: mesh.triangles.clone(), ..Default::default() };
         for target in [Target::Triangles(100), Target::MaxError(1e-30)] {
             let (out, _) = clustered(&moved, target);
             assert!(out.positions.iter().all(|p| p.is_finite()));
@@ -105,7 +106,11 @@ fn extreme_sizes_and_places_are_fine() {
 
 #[test]
 fn errors_and_interruptions_come_through() {
-    let bad = IndexedMesh { positions: vec![Vec3::ZERO], triangles: vec![[0, 0, 7]] };
+    let bad = IndexedMesh {
+        positions: vec![Vec3::ZERO],
+        triangles: vec![[0, 0, 7]],
+        ..Default::default()
+    };
     let options = DecimateOptions::new(Target::Ratio(0.5));
     let mut open = || Ok(Box::new(MeshSource::new(bad.clone(), "bad")) as _);
     let mut go_on = |_: &_| ControlFlow::Continue(());

@@ -126,6 +126,7 @@ fn size_does_not_matter() {
         let scaled = |mesh: &IndexedMesh| IndexedMesh {
             positions: mesh.positions.iter().map(|&p| p * scale).collect(),
             triangles: mesh.triangles.clone(),
+            ..Default::default()
         };
         let (out, _) = greedy(&scaled(&mesh), Target::Triangles(60));
         assert_eq!(out, scaled(&expected), "2^{exponent}");
@@ -160,7 +161,11 @@ fn an_empty_mesh_stays_empty() {
 #[test]
 fn errors_name_what_is_wrong() {
     let mut go_on = |_: &_| ControlFlow::Continue(());
-    let bad = IndexedMesh { triangles: vec![[0, 1, 9]], positions: vec![Vec3::ZERO; 3] };
+    let bad = IndexedMesh {
+        triangles: vec![[0, 1, 9]],
+        positions: vec![Vec3::ZERO; 3],
+        ..Default::default()
+    };
     let options = DecimateOptions::new(Target::Ratio(0.5));
     let error = decimate_greedy(&bad, &options, &mut go_on).expect_err("vertex 9 is not there");
     assert!(error.to_string().contains("vertex index 9"), "{error}");
@@ -190,7 +195,7 @@ proptest! {
             positions.into_iter().map(|p| Vec3::from_array(p.map(f32::from))).collect();
         let corner = |v: usize| (v % positions.len()) as u32;
         let triangles = triangles.into_iter().map(|t| t.map(corner)).collect();
-        let mesh = IndexedMesh { positions, triangles };
+        let mesh = IndexedMesh { positions, triangles, ..Default::default() };
         let mut options = DecimateOptions::new(Target::Triangles(target));
         if subset {
             options.placement = Placement::Subset;

@@ -2,7 +2,8 @@
 
     python xfm.py FILE.xfm OUT
 
-OUT gets the numbers of vertices and triangles (u64 each), the vertices (three f32 each) and the triangles (three u32 each).
+OUT gets the numbers of vertices and triangles (u64 each), the vertices (three f32 each) and the triangles (three u32 each), and
+where there are any, the colours of the vertices (four u8 each).
 """
 
 import math
@@ -77,6 +78,11 @@ def short_from(difference, predicted):
     return (predicted + zigzag(difference) + 0x8000 & 0xFFFF) - 0x8000
 
 
+def colour_from(difference, near):
+    red, green, blue, alpha = difference
+    return tuple((n + d) % 256 for n, d in zip(near, (red + green, green, blue + green, alpha)))
+
+
 def f32(value):
     return float(np.float32(value))
 
@@ -109,7 +115,12 @@ class Header:
         self.sections = [struct.unpack_from("<QQI", data, at) for at in (120, 144, 168, 192)]
         assert struct.unpack_from("<Q", data, 216)[0] == len(data)
         table = [data[at : at + 32] for at in range(256, 256 + 32 * attributes, 32)]
-        self.more_columns = sum(entry[29] for entry in table[5:])
+        # Components and coding of further attributes; the first one that is as a colour's must be is taken.
+        self.more = [(entry[29], entry[30]) for entry in table[5:]]
+        assert all(entry[30] < 2 and entry[31] == 0 for entry in table)
+        colour = b"colour".ljust(16, b"\0") + b"1/255".ljust(12, b"\0")
+        colour += bytes([3, 4, self.encoding, 0])
+        self.colour = table.index(colour, 5) - 5 if colour in table[5:] else NONE
         if self.encoding == 1:
             self.step, self.error = struct.unpack_from("<dd", data, 256 + 32 * attributes)
 
@@ -154,6 +165,13 @@ class File:
         for _ in range(2):
             data.column(vertices)
         first, second, third = (data.column(faces) for _ in range(3))
+        self.colours = [(0, 0, 0, 0)] * vertices
+        for number, (components, _) in enumerate(self.header.more):
+            columns = [data.column(vertices) for _ in range(components)]
+            if number == self.header.colour:
+                last = (0, 0, 0, 0)
+                for vertex, codes in enumerate(zip(*columns)):
+                    last = self.colours[vertex] = colour_from(map(zigzag, codes), last)
         data.end()
         self.faces, last = [], 0
         for a, b, c in zip(first, second, third):
@@ -185,12 +203,39 @@ class File:
             page.links(values)
             Compact(self.header, page, coder).read()
             coder.end()
-        for _ in range(self.header.more_columns):
-            data.column(num_nodes)
+        for number, (components, coding) in enumerate(self.header.more):
+            if number == self.header.colour:
+                self.page_colours(data, page)
+            elif coding == 0:
+                for _ in range(components):
+                    data.column(num_nodes)
+            else:
+                data.take(2 * data.varint() + 8)
+                data.take(data.varint())
         data.end()
         for node in page.nodes:
             assert node.id not in self.nodes
             self.nodes[node.id] = node
+
+    def page_colours(self, data, page):
+        """Section 6."""
+        nodes, black = page.nodes, (0, 0, 0, 0)
+        if self.header.encoding == 0:
+            columns = [data.column(len(nodes)) for _ in range(4)]
+            for node, codes in zip(nodes, zip(*columns)):
+                near = black if node.reference is node else node.reference.colour
+                node.colour = colour_from(map(zigzag, codes), near)
+            return
+        coder = Coder(data)
+        coder.tables(9)
+        for node in nodes:
+            green = coder.signed(node.group)
+            others = 4 + sum(abs(green) >= least for least in (2, 8, 24))
+            red, blue, alpha = coder.signed(others), coder.signed(others), coder.signed(8)
+            assert all(-128 <= c < 128 for c in (red, green, blue, alpha))
+            near = black if node.near is node else node.near.colour
+            node.colour = colour_from((red, green, blue, alpha), near)
+        coder.end()
 
     def exact(self, data, page):
         """Section 4."""
@@ -239,6 +284,8 @@ class File:
             p = start[w] if w is not NONE else start[after(x)]
             v = len(self.positions)
             self.positions.append(node.position)
+            if self.header.colour is not NONE:
+                self.colours.append(node.colour)
             assert (x is NONE or reverse[x] == w) and (z is NONE or reverse[z] == y)
             fan = x
             while fan is not NONE:
@@ -631,11 +678,14 @@ def distance(a, b):
 
 def main():
     with open(sys.argv[1], "rb") as file:
-        positions, triangles = File(file.read()).mesh()
+        content = File(file.read())
+    positions, triangles = content.mesh()
     with open(sys.argv[2], "wb") as out:
         out.write(struct.pack("<QQ", len(positions), len(triangles)))
         out.write(positions.astype("<f4").tobytes())
         out.write(triangles.astype("<u4").tobytes())
+        if content.header.colour is not NONE:
+            out.write(np.array(content.colours, np.uint8).tobytes())
 
 
 if __name__ == "__main__":

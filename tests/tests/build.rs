@@ -18,7 +18,11 @@ const LEAST: u64 = 1;
 
 fn mesh(shape: Shape, count: u64, holes: f64) -> IndexedMesh {
     let model = model(shape, count, holes);
-    IndexedMesh { triangles: triangles(&model.mesh), positions: model.positions }
+    IndexedMesh {
+        triangles: triangles(&model.mesh),
+        positions: model.positions,
+        ..Default::default()
+    }
 }
 
 fn build(mesh: &IndexedMesh, path: &Path, options: &MeshOptions) -> MeshReport {
@@ -85,7 +89,7 @@ fn fronts_are_manifolds_and_no_triangle_of_a_sheet_is_turned_over() {
     let quads = (0..(wide - 1) * (high - 1)).map(|q| q % (wide - 1) + q / (wide - 1) * wide);
     let triangles: Vec<_> =
         quads.flat_map(|a| [[a, a + 1, a + wide + 1], [a, a + wide + 1, a + wide]]).collect();
-    let mesh = IndexedMesh { positions, triangles };
+    let mesh = IndexedMesh { positions, triangles, ..Default::default() };
     let input = topology(mesh.positions.len(), &mesh.triangles).0;
     for options in [in_core(), streaming()] {
         let folder = tempfile::tempdir().unwrap();

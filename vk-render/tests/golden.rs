@@ -6,7 +6,7 @@
 
 mod display;
 
-use display::viewer::{command, torus};
+use display::viewer::{coloured_torus, command, torus};
 use std::fs::File;
 use std::io::{BufReader, BufWriter};
 use std::path::{Path, PathBuf};
@@ -143,6 +143,34 @@ fn sections_and_frozen_detail_look_as_they_did() {
     let outside = ["--view", "1.6,0.5,0.9 1,0,0", "--outside", "--pixels", "0.5"];
     picture(folder.path(), "240x160", &outside);
     compare("outside", &read(&folder.path().join("out.outside.png")));
+}
+
+#[test]
+fn a_model_with_colours_shows_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let properties = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    let stripes = |u: f32, _: f32| {
+        if ((6.0 * u) as u32).is_multiple_of(2) { [230, 60, 40] } else { [40, 90, 220] }
+    };
+    let file = folder.path().join("torus.ply");
+    coloured_torus(&file, 54, 36, properties, |u, v| stripes(u, v).to_vec());
+    let seen = |name: &str, more: &[&str]| {
+        let args = ["torus.ply", "--offscreen", name, "--validation", "--size", "240x160"];
+        let view = ["--view", "1.5,1.6,2.4 0,-0.1,0", "--pixels", "0.01"];
+        let output = command(folder.path()).args(args).args(view).args(more).output();
+        let output = output.expect("it runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        read(&folder.path().join(name))
+    };
+    let own = seen("own.png", &[]);
+    let told = seen("told.png", &["--shading", "colours"]);
+    assert_eq!(own.rgb, told.rgb, "they are what is shown unless told otherwise");
+    compare("colours", &own);
+    let clay = seen("clay.png", &["--shading", "smooth"]);
+    let blue = |p: &Picture| {
+        p.rgb.chunks(3).filter(|p| p[2] > 80 && p[2].saturating_sub(p[0]) > 60).count()
+    };
+    assert!(blue(&own) > 2000 && blue(&clay) == 0, "{} and {}", blue(&own), blue(&clay));
 }
 
 /// Only what shows no times: the bar, and the controls on the left.

@@ -1,12 +1,12 @@
 //! A bucket's nodes, put in their places.
 
-use mergetree::{BoundCodes, Node, NodeId};
-use scratch::{Piece, Store};
+use mergetree::{BoundCodes, Colour, Node, NodeId};
+use scratch::{Piece, Spool, Store};
 use xfm_format::{BlockId, Numbering, Page};
 
 use crate::Error;
 use crate::bucket::{Above, Bucket, Placed, Side};
-use crate::log::PageSize;
+use crate::log::{LoggedColour, PageSize};
 use crate::names::{NONE, to_option};
 
 /// The nodes of a bucket, page by page, in order of their ids.
@@ -17,6 +17,27 @@ pub(crate) struct Assembled {
     /// Per block where its nodes begin; [`NONE`] until its first one has come.
     starts: Vec<u32>,
     nodes: Vec<Node>,
+    /// Of each node, or none.
+    colours: Vec<Colour>,
+}
+
+/// Colours of a spool, the first one first.
+struct Front {
+    spool: Spool<LoggedColour>,
+    piece: Piece<LoggedColour>,
+    at: usize,
+}
+
+impl Front {
+    fn next(&mut self, store: &mut Store) -> Result<Option<Colour>, scratch::Error> {
+        if self.at == self.piece.items().len() {
+            self.spool.take_first(store, &mut self.piece)?;
+            self.at = 0;
+        }
+        let colour = self.piece.items().get(self.at).map(|colour| colour.colour());
+        self.at += usize::from(colour.is_some());
+        Ok(colour)
+    }
 }
 
 /// How far a page is while nodes come.
@@ -51,23 +72,33 @@ impl Assembled {
         bucket: Bucket,
         numbering: Numbering,
     ) -> Result<(), Error> {
-        let Bucket { nodes: mut spool, first_block, pages, num_nodes, num_blocks } = bucket;
+        let Bucket { nodes: mut spool, colours, first_block, pages, num_nodes, num_blocks } =
+            bucket;
         self.first_block = first_block;
         self.pages = pages;
         self.starts.clear();
         self.starts.resize(num_blocks as usize, NONE);
         self.nodes.clear();
         self.nodes.resize(num_nodes as usize, VACANT);
+        let has_colours = !colours.is_empty();
+        self.colours.clear();
+        self.colours.resize(if has_colours { num_nodes as usize } else { 0 }, [0; 4]);
+        let mut colours = Front { spool: colours, piece: Piece::default(), at: 0 };
         let mut assembler = Assembler::new(self, numbering);
         let mut piece = Piece::default();
         while spool.take_first(store, &mut piece)? {
             for placed in piece.items() {
-                assembler
-                    .take(placed)
-                    .map_err(|what| Error::Damaged { order: placed.order.into(), what })?;
+                let damaged = |what| Error::Damaged { order: placed.order.into(), what };
+                let place = assembler.take(placed).map_err(damaged)?;
+                if let (Some(place), true) = (place, has_colours) {
+                    let colour = colours.next(store)?;
+                    assembler.into.colours[place] =
+                        colour.ok_or_else(|| damaged("a node without a colour"))?;
+                }
             }
         }
         piece.clear(store);
+        colours.piece.clear(store);
         if assembler.placed != u64::from(num_nodes) {
             return Err(Error::Damaged { order: 0, what: "nodes that did not come" });
         }
@@ -99,7 +130,8 @@ impl Assembled {
                         Some(&next) if index + 1 < end_block => next as usize,
                         _ => end_node,
                     };
-                    page.push_block(&self.nodes[start..end]);
+                    let colours = self.colours.get(start..end).unwrap_or_default();
+                    page.push_coloured_block(&self.nodes[start..end], colours);
                 }
                 block = end_block;
             }
@@ -126,11 +158,13 @@ impl<'a> Assembler<'a> {
         Self { numbering, into, cursors, page_of, placed: 0 }
     }
 
-    fn take(&mut self, placed: &Placed) -> Result<(), &'static str> {
+    /// The place of a node, if it is one and not a link.
+    fn take(&mut self, placed: &Placed) -> Result<Option<usize>, &'static str> {
         let id = NodeId::new(placed.id);
         let above = placed.above.unpack().ok_or("a node under nothing")?;
         if placed.is_link() {
-            return self.link(id, above);
+            self.link(id, above)?;
+            return Ok(None);
         }
         let slot = self.numbering.slot(id);
         if slot == 0 {
@@ -161,7 +195,10 @@ impl<'a> Assembler<'a> {
             slot: None,
         };
         self.placed += 1;
-        if slot == 0 { self.link(id, above) } else { Ok(()) }
+        if slot == 0 {
+            self.link(id, above)?;
+        }
+        Ok(Some(place))
     }
 
     /// The first node of a block says how many there are.

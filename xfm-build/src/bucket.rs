@@ -5,7 +5,7 @@ use mergetree::{NodeId, OctNormal};
 use scratch::{Error, Spool, Store};
 use xfm_format::Numbering;
 
-use crate::log::PageSize;
+use crate::log::{LoggedColour, PageSize};
 use crate::names::NONE;
 
 /// A node with its final ids, or a link to a node of another bucket.
@@ -105,6 +105,8 @@ impl PackedAbove {
 #[derive(Debug)]
 pub(crate) struct Bucket {
     pub nodes: Spool<Placed>,
+    /// Of each node, links left out; empty where there are none.
+    pub colours: Spool<LoggedColour>,
     pub first_block: u32,
     /// The size of each page.
     pub pages: Vec<PageSize>,
@@ -162,6 +164,7 @@ impl Buckets {
         if !self.all.last().is_some_and(fits) {
             self.all.push(Bucket {
                 nodes: Spool::new(store),
+                colours: Spool::new(store),
                 first_block,
                 pages: Vec::new(),
                 num_nodes: 0,
@@ -179,6 +182,17 @@ impl Buckets {
     #[inline]
     pub fn push(&mut self, store: &mut Store, bucket: u32, placed: &Placed) -> Result<(), Error> {
         self.all[bucket as usize].nodes.push(store, placed)
+    }
+
+    /// Puts the colour of a node into its bucket.
+    #[inline]
+    pub fn push_colour(
+        &mut self,
+        store: &mut Store,
+        bucket: u32,
+        colour: LoggedColour,
+    ) -> Result<(), Error> {
+        self.all[bucket as usize].colours.push(store, &colour)
     }
 }
 

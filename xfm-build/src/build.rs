@@ -7,12 +7,12 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use mergetree::{CollapseRecord, OctNormal};
-use scratch::Scratch;
+use mergetree::{CollapseRecord, Colour, OctNormal};
+use scratch::{CheckpointWriter, Scratch};
 use xfm_format::WriteReport;
 
 use crate::Error;
-use crate::kept::Keep;
+use crate::kept::{Draft, Keep};
 use crate::link::{LinkOptions, Linked, Linker};
 use crate::names::CoarseMesh;
 use crate::number::NumberOptions;
@@ -30,12 +30,20 @@ pub struct BuildOptions {
     pub expected_nodes: Option<u64>,
     /// Where the log is kept for a later run. Default `None`.
     pub keep: Option<Keep>,
+    /// Bytes that the one who collapses adds to a checkpoint at most, so that there is room for them on the disk. Default 0.
+    pub checkpoint_bytes: u64,
 }
 
 impl BuildOptions {
     /// The defaults with these options for linking.
     pub fn new(link: LinkOptions) -> Self {
-        Self { link, number: NumberOptions::default(), expected_nodes: None, keep: None }
+        Self {
+            link,
+            number: NumberOptions::default(),
+            expected_nodes: None,
+            keep: None,
+            checkpoint_bytes: 0,
+        }
     }
 }
 
@@ -75,20 +83,28 @@ impl fmt::Display for BuildReport {
     }
 }
 
-/// A collapse with position and normal of the vertex that it removes.
-type Collapsed = (CollapseRecord, Vec3, OctNormal);
+/// A collapse with position, normal and colour of the vertex that it removes.
+type Collapsed = (CollapseRecord, Vec3, OctNormal, Option<Colour>);
 
 /// Collapses that go to the linker's thread at once.
 const BATCH: usize = 1024;
 /// Batches that may wait for it.
 const WAITING: usize = 4;
 
+/// What goes to the linker's thread.
+enum Message {
+    Collapses(Vec<Collapsed>),
+    /// A checkpoint is to be begun, and sent there; nothing where none is kept.
+    Checkpoint(SyncSender<Option<Draft>>),
+}
+
 /// Where collapses go, in order; see [`build_from`].
 #[derive(Debug)]
 pub struct Feed {
     batch: Vec<Collapsed>,
-    linker: SyncSender<Vec<Collapsed>>,
+    linker: SyncSender<Message>,
     used: Receiver<Vec<Collapsed>>,
+    notes: Vec<u8>,
 }
 
 impl Feed {
@@ -103,13 +119,53 @@ impl Feed {
         position: Vec3,
         normal: OctNormal,
     ) -> Result<(), Error> {
-        self.batch.push((*record, position, normal));
+        self.push_with(record, position, normal, None)
+    }
+
+    /// As [`push`](Self::push), with the colour of the vertex if vertices [have colours](LinkOptions::colours).
+    ///
+    /// # Errors
+    /// As [`push`](Self::push).
+    #[inline]
+    pub fn push_with(
+        &mut self,
+        record: &CollapseRecord,
+        position: Vec3,
+        normal: OctNormal,
+        colour: Option<Colour>,
+    ) -> Result<(), Error> {
+        self.batch.push((*record, position, normal, colour));
         if self.batch.len() < BATCH { Ok(()) } else { self.flush() }
     }
 
     fn flush(&mut self) -> Result<(), Error> {
         let next = self.used.try_recv().unwrap_or_else(|_| Vec::with_capacity(BATCH));
-        self.linker.send(std::mem::replace(&mut self.batch, next)).map_err(|_| Error::Stopped)
+        let batch = std::mem::replace(&mut self.batch, next);
+        self.linker.send(Message::Collapses(batch)).map_err(|_| Error::Stopped)
+    }
+
+    /// Writes a checkpoint of all that was pushed so far, to which `save` adds what the one who collapses needs to go on from
+    /// here: [`Linker::resume`] gives it back. Nothing happens where the log is not [kept](BuildOptions::keep).
+    ///
+    /// # Errors
+    /// Those of `save`, [`Error::Scratch`], and [`Error::Stopped`].
+    pub fn checkpoint<E: From<Error>>(
+        &mut self,
+        save: impl FnOnce(&mut CheckpointWriter) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.flush()?;
+        let (give, take) = sync_channel(1);
+        self.linker.send(Message::Checkpoint(give)).map_err(|_| Error::Stopped)?;
+        if let Some(mut draft) = take.recv().map_err(|_| Error::Stopped)? {
+            save(&mut draft.writer)?;
+            draft.finish()?;
+        }
+        Ok(())
+    }
+
+    /// What is to be written down beside the log when it is whole, where it is kept.
+    pub(crate) fn set_notes(&mut self, notes: &[u8]) {
+        self.notes = notes.to_vec();
     }
 }
 
@@ -153,6 +209,7 @@ impl Feed {
 ///         Ok::<_, Box<dyn std::error::Error>>(CoarseMesh {
 ///             vertices: mesh.vertices().map(vertex).collect(),
 ///             faces: mesh.faces().filter_map(face).collect(),
+///             colours: Vec::new(),
 ///         })
 ///     },
 ///     &path,
@@ -175,16 +232,33 @@ pub fn build_from<E: From<Error>>(
         Some(keep) => Linker::new_kept(scratch, &options.link, keep),
         None => Linker::new(scratch, &options.link),
     }?;
-    if let Some(nodes) = options.expected_nodes {
-        linker.require(nodes)?;
-    }
+    linker.require_with(options.expected_nodes.unwrap_or(0), options.checkpoint_bytes)?;
     let linked = link_from(collapse, linker)?;
     let collapse = start.elapsed();
     let report = finish(linked, path, &options.number, observer)?;
     Ok(BuildReport { collapse, ..report })
 }
 
-/// Numbers and writes what an earlier run has linked; `None` where there is nothing of it in the scratch folder.
+/// As [`build_from`], going on with the linker of an [earlier run](Linker::resume): `collapse` gives the collapses that come
+/// after its checkpoint.
+///
+/// # Errors
+/// As [`build_from`].
+pub fn go_on_from<E: From<Error>>(
+    collapse: impl FnOnce(&mut Feed) -> Result<CoarseMesh, E>,
+    linker: Linker,
+    path: impl AsRef<Path>,
+    options: &NumberOptions,
+    observer: &mut Observer<'_>,
+) -> Result<BuildReport, E> {
+    let start = Instant::now();
+    let linked = link_from(collapse, linker)?;
+    let collapse = start.elapsed();
+    let report = finish(linked, path, options, observer)?;
+    Ok(BuildReport { collapse, ..report })
+}
+
+/// Numbers and writes what an earlier run has linked; `None` where there is nothing whole in the scratch folder.
 ///
 /// # Errors
 /// Those of [`Linked::resume`], [`Linked::number`] and [`write`](crate::Numbered::write).
@@ -201,7 +275,7 @@ pub fn resume(
     }
 }
 
-fn finish(
+pub(crate) fn finish(
     linked: Linked,
     path: impl AsRef<Path>,
     options: &NumberOptions,
@@ -231,12 +305,20 @@ fn link_from<E: From<Error>>(
     collapse: impl FnOnce(&mut Feed) -> Result<CoarseMesh, E>,
     mut linker: Linker,
 ) -> Result<Linked, E> {
-    let (sender, batches) = sync_channel::<Vec<Collapsed>>(WAITING);
+    let (sender, messages) = sync_channel::<Message>(WAITING);
     let (give_back, used) = sync_channel(WAITING);
     let link = move || -> Result<Linker, Error> {
-        for mut batch in batches {
-            for (record, position, normal) in batch.drain(..) {
-                linker.push(&record, position, normal)?;
+        for message in messages {
+            let mut batch = match message {
+                Message::Collapses(batch) => batch,
+                Message::Checkpoint(give) => {
+                    // Whoever asked waits for it.
+                    give.send(linker.checkpoint()?).ok();
+                    continue;
+                }
+            };
+            for (record, position, normal, colour) in batch.drain(..) {
+                linker.push_with(&record, position, normal, colour)?;
             }
             // Where there are enough of them already it is dropped.
             give_back.try_send(batch).ok();
@@ -246,17 +328,20 @@ fn link_from<E: From<Error>>(
     thread::scope(|scope| {
         let worker = thread::Builder::new().name("link".to_owned());
         let worker = worker.spawn_scoped(scope, link).map_err(Error::Thread)?;
-        let mut feed = Feed { batch: Vec::with_capacity(BATCH), linker: sender, used };
+        let batch = Vec::with_capacity(BATCH);
+        let mut feed = Feed { batch, linker: sender, used, notes: Vec::new() };
         let collapsed = collapse(&mut feed);
         let all_sent = feed.flush();
+        let notes = std::mem::take(&mut feed.notes);
         drop(feed);
         let linker = match worker.join() {
             Ok(linker) => linker,
             Err(panic) => std::panic::resume_unwind(panic),
         };
         // When the linker has failed, the one who collapses could not but fail too.
-        let linker = linker?;
+        let mut linker = linker?;
         let coarse = collapsed?;
+        linker.set_notes(notes);
         debug_assert!(all_sent.is_ok(), "only a linker that has failed takes nothing");
         Ok(linker.finish(&coarse)?)
     })

@@ -76,6 +76,7 @@ pub(crate) fn close(
     let mut base = BaseMesh {
         vertices: Vec::with_capacity(mesh.vertices.len()),
         faces: Vec::with_capacity(mesh.faces.len()),
+        colours: mesh.colours.clone(),
     };
     let mut trees = Vec::with_capacity(mesh.vertices.len());
     for (index, vertex) in mesh.vertices.iter().enumerate() {

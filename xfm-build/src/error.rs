@@ -100,6 +100,9 @@ pub enum RecordProblem {
     /// It removes a second face and has no half-edge `y`.
     #[error("a second face without the half-edge y, or the other way round")]
     SecondFace,
+    /// The vertex has a colour and others have none, or the other way round.
+    #[error("a colour where vertices have none, or none where they have some")]
+    Colour,
 }
 
 /// What is wrong with a coarsest mesh.
@@ -127,19 +130,33 @@ pub enum CoarseProblem {
     /// There are more faces than half-edges can have names.
     #[error("too many faces")]
     TooLarge,
+    /// There are more or fewer colours than there should be.
+    #[error("colours for more or fewer vertices than there are")]
+    Colours,
 }
 
 /// Why a run cannot go on where an earlier one ended.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StateProblem {
-    /// The file cannot be read or written.
+    /// The file cannot be read.
     #[error("{0}")]
     Io(#[from] std::io::Error),
-    /// It is not such a file, or a damaged one, or from another version of the program.
-    #[error("is damaged or from another version; begin again without it")]
-    Damaged,
+    /// It is not such a file, or a damaged one, or from another version of the program: this cannot be right.
+    #[error("is damaged or from another version ({0} cannot be right); begin again without it")]
+    Damaged(&'static str),
     /// It is about another input or other options.
     #[error("belongs to another input or to other options; begin again without it")]
     Other,
+}
+
+impl From<scratch::CheckpointError> for StateProblem {
+    fn from(error: scratch::CheckpointError) -> Self {
+        use scratch::CheckpointError;
+        match error {
+            CheckpointError::Io(error) => Self::Io(error),
+            CheckpointError::Damaged(what) => Self::Damaged(what),
+            _ => Self::Other,
+        }
+    }
 }

@@ -16,7 +16,8 @@
 //! [`mergetree::Forest::from_records`] and [`xfm_format::write`] do the same in memory, and give the same file byte for
 //! byte; a compact one up to its bounds, which are a little tighter here.
 //!
-//! A log may be [kept](Keep): then a run that was broken off after linking is gone on with by [`resume`].
+//! A log may be [kept](Keep): then a run that was broken off after linking is gone on with by [`resume`], and one that was
+//! broken off before by [`Linker::resume`] from the last [checkpoint](Feed::checkpoint). [`build_mesh`] does either.
 
 mod assemble;
 mod bucket;
@@ -28,6 +29,7 @@ mod link;
 mod log;
 mod names;
 mod number;
+mod pace;
 mod plan;
 mod progress;
 mod stream;
@@ -41,7 +43,7 @@ mod common;
 #[cfg(test)]
 mod damage;
 
-pub use build::{BuildOptions, BuildReport, Feed, build_from, resume};
+pub use build::{BuildOptions, BuildReport, Feed, build_from, go_on_from, resume};
 pub use error::{CoarseProblem, Error, RecordProblem, StateProblem};
 pub use kept::Keep;
 pub use link::{LinkOptions, Linked, Linker};

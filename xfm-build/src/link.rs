@@ -4,17 +4,18 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use mergetree::{
-    BoundCodes, Bounded, CollapseRecord, Cut, CutRule, HalfEdgeNames, Node, OctNormal, OpenPiece,
+    BoundCodes, Bounded, CollapseRecord, Colour, Cut, CutRule, HalfEdgeNames, Node, OctNormal,
+    OpenPiece,
 };
-use scratch::{Scratch, Spool, Store, StoreOptions};
+use scratch::{CheckpointError, CheckpointReader, Scratch, Spool, Store, StoreOptions};
 use xfm_format::{Numbering, Rounding, WriteOptions};
 
 use crate::coarse::{Coarse, close};
-use crate::kept::{Keep, Kept};
-use crate::log::{LogEntry, LoggedChild, PageSize};
+use crate::kept::{Draft, Earlier, Keep, Kept, Known, Opened, log_error};
+use crate::log::{LogEntry, LoggedChild, LoggedColour, PageSize};
 use crate::names::{CoarseMesh, MAX_VERTEX, NONE, NameBounds, from_option};
 use crate::plan::{self, LinkPlan};
-use crate::{Error, RecordProblem};
+use crate::{CoarseProblem, Error, RecordProblem};
 
 /// How collapses are linked.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,17 +32,19 @@ pub struct LinkOptions {
     pub memory_bytes: u64,
     /// The file to be written.
     pub write: WriteOptions,
+    /// Whether vertices have colours: all of them or none. Default no.
+    pub colours: bool,
 }
 
 impl LinkOptions {
     /// Bytes of memory that linking takes at least.
     pub fn least_memory_bytes(&self) -> u64 {
-        LinkPlan::least(self.names, plan::LEAST_CHUNK_BYTES)
+        LinkPlan::least(self.names, plan::LEAST_CHUNK_BYTES, self.colours)
     }
 
     /// The defaults for names below these.
     pub fn new(names: NameBounds) -> Self {
-        Self { names, memory_bytes: 256 << 20, write: WriteOptions::default() }
+        Self { names, memory_bytes: 256 << 20, write: WriteOptions::default(), colours: false }
     }
 }
 
@@ -84,6 +87,18 @@ impl Top {
             block_nodes: self.block_nodes,
             page_nodes: u32::from(self.page_nodes) + 1,
             page_blocks: u32::from(self.page_blocks) + 1,
+        })
+    }
+
+    /// Whether it can be the top of a tree of so many collapses, or of none.
+    fn is_sound(&self, nodes: u64, rule: CutRule) -> bool {
+        self.piece().is_none_or(|piece| {
+            u64::from(self.order) < nodes
+                && u32::from(piece.block_nodes) <= rule.block_nodes
+                && piece.page_nodes <= rule.page_nodes
+                && piece.page_blocks <= piece.page_nodes
+                && self.codes.iter().all(|&code| code <= BoundCodes::MAX)
+                && self.position.iter().all(|c| c.is_finite())
         })
     }
 
@@ -153,12 +168,16 @@ pub struct Linker {
     store: Store,
     log: Spool<LogEntry>,
     sizes: Spool<PageSize>,
+    /// Beside the log, where vertices have colours.
+    colours: Option<Spool<LoggedColour>>,
     counts: Counts,
     /// More blocks than these cannot be named, whatever the coarsest mesh.
     max_blocks: u64,
     /// More nodes than these are only just possible, or not any more.
     max_nodes: u64,
     plan: LinkPlan,
+    /// What the one who collapses wants to have written down when the log is whole.
+    notes: Vec<u8>,
     kept: Option<Kept>,
 }
 
@@ -182,8 +201,8 @@ impl Linker {
         ))
     }
 
-    /// A linker with a log that stays when it is whole, until the file is there, so that a later run can go on with it
-    /// ([`Linked::resume`]). None of the log lies in memory.
+    /// A linker with a log that stays once there is a checkpoint of it or it is whole, until the file is there, so that a later
+    /// run can go on with it ([`Linker::resume`], [`Linked::resume`]). None of the log lies in memory.
     ///
     /// # Errors
     /// As [`new`](Self::new), and when there is such a log already: then either go on with it or [remove](Keep::remove) it.
@@ -196,12 +215,95 @@ impl Linker {
         Ok(linker)
     }
 
+    /// The linker of an earlier run with the same options, as it was at its last checkpoint, from which the one who collapses
+    /// has to read what it added itself. `None` where there is nothing, or a log that is whole, which [`Linked::resume`] goes
+    /// on with. All of the log is read once, so that damage is not found at the very end.
+    ///
+    /// # Errors
+    /// [`Error::State`] when it is damaged, or about something else than `keep` and the options say; [`Error::Scratch`] when
+    /// the log cannot be read, or is in use.
+    pub fn resume(
+        scratch: &Scratch,
+        options: &LinkOptions,
+        keep: &Keep,
+    ) -> Result<Option<(Self, CheckpointReader)>, Error> {
+        let plan = LinkPlan::new(options)?;
+        let rounding = options.write.rounding()?;
+        let earlier = Earlier::open(scratch, keep, &options.write)?;
+        let Some(mut earlier) = earlier.filter(|earlier| !earlier.is_whole) else {
+            return Ok(None);
+        };
+        let asked = (options.names, plan.chunk_bytes, options.colours);
+        if (earlier.names, earlier.chunk_bytes, earlier.colours.is_some()) != asked {
+            return Err(keep.fail(scratch, CheckpointError::Other));
+        }
+        let Opened { store, mut log, mut sizes, mut colours, kept } =
+            earlier.open_log(scratch, keep)?;
+        let mut linker = Self::with_store(scratch, store, options, (plan, rounding));
+        let store = &mut linker.store;
+        log.check(store)
+            .and_then(|()| sizes.check(store))
+            .and_then(|()| colours.as_mut().map_or(Ok(()), |colours| colours.check(store)))
+            .map_err(|error| log_error(error, scratch, keep))?;
+        (linker.log, linker.sizes, linker.colours) = (log, sizes, colours);
+        linker.kept = Some(kept);
+        linker.counts = earlier.counts;
+        let (tops, nodes, rule) = (&mut linker.tops, earlier.counts.nodes, linker.rule);
+        let mut read = || -> Result<(), CheckpointError> {
+            let count = earlier.reader.begin::<Top>("tops", tops.len() as u64)?;
+            earlier.reader.read_items(&mut tops[..count as usize])?;
+            earlier.reader.end()?;
+            match tops.iter().all(|top| top.is_sound(nodes, rule)) {
+                true => Ok(()),
+                false => Err(CheckpointError::Damaged("tops")),
+            }
+        };
+        read().map_err(|error| keep.fail(scratch, error))?;
+        Ok(Some((linker, earlier.reader)))
+    }
+
+    /// Begins a checkpoint, if the log is kept.
+    pub(crate) fn checkpoint(&mut self) -> Result<Option<Draft>, Error> {
+        let Some(kept) = &self.kept else { return Ok(None) };
+        let known = Known {
+            write: &self.write,
+            names: self.names,
+            counts: &self.counts,
+            store: &mut self.store,
+            log: &mut self.log,
+            sizes: &mut self.sizes,
+            colours: self.colours.as_mut(),
+        };
+        kept.checkpoint(known, &self.tops).map(Some)
+    }
+
+    /// What is to be written down beside the log when it is whole.
+    pub(crate) fn set_notes(&mut self, notes: Vec<u8>) {
+        self.notes = notes;
+    }
+
     /// Makes sure, as far as the system tells, that the disk has room for so many collapses.
     ///
     /// # Errors
     /// [`Error::Scratch`] when it does not.
     pub fn require(&self, nodes: u64) -> Result<(), Error> {
-        Ok(self.scratch.require(self.plan.scratch_bytes(nodes, self.kept.is_some()))?)
+        self.require_with(nodes, 0)
+    }
+
+    /// The same, where the one who collapses adds so much to a checkpoint.
+    pub(crate) fn require_with(&self, nodes: u64, checkpoint_bytes: u64) -> Result<(), Error> {
+        Ok(self.scratch.require(self.scratch_bytes_of(nodes, checkpoint_bytes))?)
+    }
+
+    fn scratch_bytes_of(&self, nodes: u64, checkpoint_bytes: u64) -> u64 {
+        let is_kept = self.kept.is_some();
+        let checkpoints = if is_kept {
+            plan::checkpoint_bytes(self.names).saturating_add(checkpoint_bytes)
+        } else {
+            0
+        };
+        // One stays until the next is written.
+        self.plan.scratch_bytes(nodes, is_kept).saturating_add(2 * checkpoints)
     }
 
     fn with_store(
@@ -221,11 +323,13 @@ impl Linker {
             tops: vec![Top::zeroed(); options.names.vertices as usize],
             log: Spool::new(&store),
             sizes: Spool::new(&store),
+            colours: options.colours.then(|| Spool::new(&store)),
             store,
             counts: Counts::new(),
             max_blocks: plan::max_blocks(HalfEdgeNames::new(0), numbering),
             max_nodes: plan.max_nodes(),
             plan,
+            notes: Vec::new(),
             kept: None,
         }
     }
@@ -252,6 +356,20 @@ impl Linker {
         position: Vec3,
         normal: OctNormal,
     ) -> Result<(), Error> {
+        self.push_with(record, position, normal, None)
+    }
+
+    /// As [`push`](Self::push), with the colour of the vertex if vertices [have colours](LinkOptions::colours).
+    ///
+    /// # Errors
+    /// As [`push`](Self::push); also where there is a colour and should be none, or none and should be one.
+    pub fn push_with(
+        &mut self,
+        record: &CollapseRecord,
+        position: Vec3,
+        normal: OctNormal,
+        colour: Option<Colour>,
+    ) -> Result<(), Error> {
         let order = self.counts.nodes;
         if order >= self.max_nodes {
             self.plan.check(order + 1, 0, 0)?;
@@ -260,6 +378,9 @@ impl Linker {
         check_record(record, self.names).map_err(wrong)?;
         if !position.is_finite() {
             return Err(wrong(RecordProblem::NotFinite));
+        }
+        if colour.is_some() != self.colours.is_some() {
+            return Err(wrong(RecordProblem::Colour));
         }
         let [v, u] = [record.removed.index(), record.kept.index()];
         let below = [self.tops[v], self.tops[u]];
@@ -290,6 +411,9 @@ impl Linker {
         };
         let entry = LogEntry::new(record, position, normal, codes, [child(0), child(1)]);
         self.log.push(&mut self.store, &entry)?;
+        if let (Some(colours), Some(colour)) = (&mut self.colours, colour) {
+            colours.push(&mut self.store, &colour.into())?;
+        }
         for (piece, cut) in pieces.into_iter().zip(cuts) {
             if let Some(piece) = piece {
                 self.cut(piece, cut)?;
@@ -325,6 +449,10 @@ impl Linker {
     /// and [`Error::State`].
     pub fn finish(mut self, mesh: &CoarseMesh) -> Result<Linked, Error> {
         self.plan.check(self.counts.nodes, mesh.vertices.len(), mesh.faces.len())?;
+        let num_colours = if self.colours.is_some() { mesh.vertices.len() } else { 0 };
+        if mesh.colours.len() != num_colours {
+            return Err(Error::Coarse(CoarseProblem::Colours));
+        }
         let mut coarse = close(mesh, self.names, &mut self.tops, self.rule)?;
         coarse.round(self.rounding)?;
         for vertex in &coarse.base.vertices {
@@ -344,8 +472,10 @@ impl Linker {
             store: self.store,
             log: self.log,
             sizes: self.sizes,
+            colours: self.colours,
             counts: self.counts,
             coarse,
+            notes: self.notes,
             kept: None,
         };
         if let Some(mut kept) = self.kept {
@@ -387,8 +517,10 @@ pub struct Linked {
     pub(crate) store: Store,
     pub(crate) log: Spool<LogEntry>,
     pub(crate) sizes: Spool<PageSize>,
+    pub(crate) colours: Option<Spool<LoggedColour>>,
     pub(crate) counts: Counts,
     pub(crate) coarse: Coarse,
+    pub(crate) notes: Vec<u8>,
     /// Where the log has a name.
     pub(crate) kept: Option<Kept>,
 }

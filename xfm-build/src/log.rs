@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use halfedge::{HalfEdgeId, VertexId};
-use mergetree::{BoundCodes, CollapseRecord, Cut, OctNormal, OpenPiece};
+use mergetree::{BoundCodes, CollapseRecord, Colour, Cut, OctNormal, OpenPiece};
 
 use crate::names::{MAX_VERTEX, NONE, from_option, to_option};
 
@@ -40,6 +40,23 @@ pub(crate) struct PageSize {
 impl From<OpenPiece> for PageSize {
     fn from(piece: OpenPiece) -> Self {
         Self { nodes: piece.page_nodes, blocks: piece.page_blocks }
+    }
+}
+
+/// The colour of a vertex, in a spool beside the log or beside a bucket.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
+pub(crate) struct LoggedColour(u32);
+
+impl From<Colour> for LoggedColour {
+    fn from(colour: Colour) -> Self {
+        Self(u32::from_le_bytes(colour))
+    }
+}
+
+impl LoggedColour {
+    pub fn colour(self) -> Colour {
+        self.0.to_le_bytes()
     }
 }
 

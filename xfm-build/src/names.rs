@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use halfedge::{FaceId, HalfEdgeId, VertexId};
-use mergetree::OctNormal;
+use mergetree::{Colour, OctNormal};
 
 /// Largest name of a vertex.
 pub(crate) const MAX_VERTEX: u32 = (1 << 30) - 1;
@@ -40,6 +40,8 @@ pub struct CoarseMesh {
     pub vertices: Vec<CoarseVertex>,
     /// Its faces; the file has them in this order.
     pub faces: Vec<CoarseFace>,
+    /// The colours of its vertices, if vertices [have colours](crate::LinkOptions::colours); else empty.
+    pub colours: Vec<Colour>,
 }
 
 /// A vertex of the coarsest mesh.

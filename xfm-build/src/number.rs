@@ -1,5 +1,6 @@
 //! Backwards: from the last collapse to the first every node gets its page, block and slot, and every half-edge its name.
 
+use bytemuck::Pod;
 use halfedge::HalfEdgeId;
 use mergetree::{Cut, HalfEdgeNames, NodeId};
 use scratch::{Piece, Spool, Store, StoreOptions};
@@ -9,7 +10,7 @@ use crate::bucket::{Above, Buckets, PackedAbove, Placed, Side};
 use crate::coarse::Coarse;
 use crate::kept::Kept;
 use crate::link::Linked;
-use crate::log::{LogEntry, LoggedChild, PageSize};
+use crate::log::{LogEntry, LoggedChild, LoggedColour, PageSize};
 use crate::names::NONE;
 use crate::plan::{NumberLoad, NumberPlan};
 use crate::progress::{Observer, Stage};
@@ -79,27 +80,29 @@ struct Numberer<'a> {
     open: Vec<OpenPage>,
     closed: Vec<u32>,
     buckets: Buckets,
-    sizes: SizesBack,
+    sizes: Back<PageSize>,
+    /// Where vertices have some.
+    colours: Option<Back<LoggedColour>>,
     coarse: &'a mut Coarse,
     /// Whether ranks are written for orders.
     has_ranks: bool,
     depth: u32,
 }
 
-/// The sizes of pages, the last one first.
+/// Records of a spool, the last one first.
 #[derive(Debug)]
-struct SizesBack {
-    spool: Spool<PageSize>,
-    piece: Piece<PageSize>,
+struct Back<T> {
+    spool: Spool<T>,
+    piece: Piece<T>,
     left: usize,
 }
 
-impl SizesBack {
-    fn new(spool: Spool<PageSize>) -> Self {
+impl<T: Pod> Back<T> {
+    fn new(spool: Spool<T>) -> Self {
         Self { spool, piece: Piece::default(), left: 0 }
     }
 
-    fn next(&mut self, store: &mut Store) -> Result<Option<PageSize>, scratch::Error> {
+    fn next(&mut self, store: &mut Store) -> Result<Option<T>, scratch::Error> {
         if self.left == 0 {
             self.spool.take_last(store, &mut self.piece)?;
             self.left = self.piece.items().len();
@@ -174,6 +177,11 @@ impl Numberer<'_> {
             adjacent,
         };
         self.buckets.push(stores.buckets(), at.bucket, &placed)?;
+        if let Some(colours) = &mut self.colours {
+            let colour = colours.next(stores.log())?;
+            let colour = colour.ok_or_else(|| damaged(order, "a node without a colour"))?;
+            self.buckets.push_colour(stores.buckets(), at.bucket, colour)?;
+        }
         for (half_edge, k) in [(Some(half_edge), 0), (entry.reverse(), 3)] {
             let Some(half_edge) = half_edge else { continue };
             let name = self.names.of_node(at.id, k).get() + half_edge.corner();
@@ -308,7 +316,13 @@ impl Numberer<'_> {
     fn check_end(&mut self, log: &mut Store, order: u64) -> Result<(), Error> {
         let sizes_end = self.sizes.next(log)?.is_none();
         self.sizes.piece.clear(log);
-        if order > 0 || self.closed.len() != self.open.len() || !sizes_end {
+        let mut colours_end = true;
+        if let Some(colours) = &mut self.colours {
+            colours_end = colours.next(log)?.is_none();
+            colours.piece.clear(log);
+        }
+        let all_end = sizes_end && colours_end;
+        if order > 0 || self.closed.len() != self.open.len() || !all_end {
             return Err(damaged(order, "nodes that did not come"));
         }
         Ok(())
@@ -376,6 +390,7 @@ impl Linked {
             chunk_bytes: self.store.chunk_bytes() as u64,
             held: self.store.held_bytes(),
             threads: rayon::current_num_threads() as u64,
+            colours: self.colours.is_some(),
         }
     }
 
@@ -399,8 +414,19 @@ impl Linked {
         observer: &mut Observer<'_>,
     ) -> Result<Numbered, Error> {
         let plan = NumberPlan::new(options.memory_bytes, &self.load())?;
-        let Self { scratch, write, names: bounds, store, mut log, sizes, counts, mut coarse, kept } =
-            self;
+        let Self {
+            scratch,
+            write,
+            names: bounds,
+            store,
+            mut log,
+            sizes,
+            colours,
+            counts,
+            mut coarse,
+            kept,
+            ..
+        } = self;
         let mut stores = Stores { log: store, buckets: None };
         if kept.is_some() {
             let mut options = StoreOptions::default();
@@ -419,7 +445,8 @@ impl Linked {
             open: Vec::new(),
             closed: Vec::new(),
             buckets: Buckets::new(numbering, write.page_nodes as u32, plan.bucket_nodes),
-            sizes: SizesBack::new(sizes),
+            sizes: Back::new(sizes),
+            colours: colours.map(Back::new),
             coarse: &mut coarse,
             has_ranks: write.encoding == Encoding::Compact,
             depth: 0,

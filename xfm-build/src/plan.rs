@@ -6,6 +6,8 @@
 //! | number | tables: 36 per name of a vertex, 4 per name of a face; [`BUFFERS`] chunks; a chunk per bucket; what is held |
 //! | write | two buckets, [`BUCKET_NODE_BYTES`] per node; 64 pages and their encoders; what is held |
 //!
+//! Where vertices have colours, the log, the buckets and their pages take 4 bytes per node more, and another chunk each.
+//!
 //! Beside these, what grows with the number of nodes, slowly: lists of chunks and pages, together less than half a byte per
 //! node; and the coarsest mesh. While linking these come out of the reserve, and it is an error when they do not fit into it.
 
@@ -22,6 +24,8 @@ use crate::names::{MAX_VERTEX, NameBounds};
 pub(crate) const TOP_BYTES: u64 = 32;
 /// Of a vertex' table entry while numbering, with the page that may be open for it.
 const EXPECTED_BYTES: u64 = 16 + 20;
+/// Of a colour, where vertices have some: in the log, in a bucket, and in pages.
+const COLOUR_BYTES: u64 = 4;
 /// Of a face's.
 const FACE_BYTES: u64 = 4;
 /// Of a node in a bucket that is made into pages, with its share of a block.
@@ -61,15 +65,17 @@ pub(crate) struct LinkPlan {
     pub held: u64,
     memory_bytes: u64,
     reserve: u64,
+    /// Of each node.
+    colour_bytes: u64,
 }
 
 impl LinkPlan {
     /// Bytes of memory that linking takes at least, with chunks of this size.
-    pub fn least(names: NameBounds, chunk_bytes: usize) -> u64 {
+    pub fn least(names: NameBounds, chunk_bytes: usize, colours: bool) -> u64 {
         let NameBounds { vertices, faces } = names;
         // When the last collapse has come the names of the coarsest mesh are checked as well.
         let tables = (TOP_BYTES + 4) * u64::from(vertices) + u64::from(faces) / 8;
-        ALWAYS + tables + BUFFERS * chunk_bytes as u64 + LEAST_RESERVE
+        ALWAYS + tables + (BUFFERS + u64::from(colours)) * chunk_bytes as u64 + LEAST_RESERVE
     }
 
     pub fn new(options: &LinkOptions) -> Result<Self, Error> {
@@ -79,24 +85,30 @@ impl LinkPlan {
             return Err(Error::Names { vertices, faces });
         }
         let (memory_bytes, chunk_bytes) = (options.memory_bytes, chunk_bytes(options.memory_bytes));
-        let needed = Self::least(options.names, chunk_bytes);
+        let needed = Self::least(options.names, chunk_bytes, options.colours);
         let Some(rest) = memory_bytes.checked_sub(needed) else {
             return Err(Error::Memory { needed, allowed: memory_bytes });
         };
         let reserve = LEAST_RESERVE + rest / 4;
-        Ok(Self { chunk_bytes, held: rest - rest / 4, memory_bytes, reserve })
+        let colour_bytes = colour_bytes(options.colours);
+        Ok(Self { chunk_bytes, held: rest - rest / 4, memory_bytes, reserve, colour_bytes })
+    }
+
+    /// Bytes of the log for each node.
+    fn log_bytes(&self) -> u64 {
+        size_of::<LogEntry>() as u64 + self.colour_bytes
     }
 
     /// Nodes whose log has room in the lists, with half of the reserve.
     pub fn max_nodes(&self) -> u64 {
-        let per_chunk = (self.chunk_bytes / size_of::<LogEntry>()) as u64;
+        let per_chunk = self.chunk_bytes as u64 / self.log_bytes();
         self.reserve / 2 / CHUNK_LIST_BYTES * per_chunk
     }
 
     /// That a log of so many nodes has room in the lists, and a coarsest mesh in the other half of the reserve.
     pub fn check(&self, nodes: u64, vertices: usize, faces: usize) -> Result<(), Error> {
         let base = LINK_BASE_VERTEX_BYTES * vertices as u64 + LINK_BASE_FACE_BYTES * faces as u64;
-        let per_chunk = (self.chunk_bytes / size_of::<LogEntry>()) as u64;
+        let per_chunk = self.chunk_bytes as u64 / self.log_bytes();
         let lists = nodes.div_ceil(per_chunk) * CHUNK_LIST_BYTES;
         let over = base.max(lists).saturating_sub(self.reserve / 2);
         if over == 0 {
@@ -110,12 +122,19 @@ impl LinkPlan {
 
     /// Scratch space for so many nodes: that of the log less what stays in memory, or of the log and the buckets.
     pub fn scratch_bytes(&self, nodes: u64, is_kept: bool) -> u64 {
-        let log = nodes.saturating_mul(size_of::<LogEntry>() as u64);
+        let log = nodes.saturating_mul(self.log_bytes());
+        let placed = size_of::<Placed>() as u64 + self.colour_bytes;
         match is_kept {
-            true => log.saturating_add(nodes.saturating_mul(size_of::<Placed>() as u64)),
+            true => log.saturating_add(nodes.saturating_mul(placed)),
             false => log.saturating_sub(self.held),
         }
     }
+}
+
+/// What a checkpoint takes for names below these, beside a list of 12 bytes per chunk of the log and what the one who
+/// collapses adds.
+pub(crate) fn checkpoint_bytes(names: NameBounds) -> u64 {
+    (1 << 20) + TOP_BYTES * u64::from(names.vertices)
 }
 
 /// Memory while numbering and writing.
@@ -140,6 +159,8 @@ pub(crate) struct NumberLoad {
     /// Bytes that are held in memory now.
     pub held: u64,
     pub threads: u64,
+    /// Whether vertices have colours.
+    pub colours: bool,
 }
 
 impl NumberPlan {
@@ -147,17 +168,21 @@ impl NumberPlan {
     fn needed(load: &NumberLoad, bucket_nodes: u64) -> u64 {
         let NumberLoad { names, nodes, pages, page_nodes, chunk_bytes, held, threads, .. } = *load;
         // Of the log at first and of the buckets in the end, and never of both.
-        let chunks = size_of::<LogEntry>() as u64 * nodes / chunk_bytes;
+        let colour = colour_bytes(load.colours);
+        let chunks = (size_of::<LogEntry>() as u64 + colour) * nodes / chunk_bytes;
         let buckets = nodes.div_ceil(bucket_nodes) + 1;
-        let lists = CHUNK_LIST_BYTES * (chunks + 64 * buckets) + PAGE_LIST_BYTES * pages;
-        let base = BASE_VERTEX_BYTES * load.base_vertices as u64
+        // With colours two of each.
+        let spools = if load.colours { 2 * buckets } else { buckets };
+        let lists = CHUNK_LIST_BYTES * (chunks + 64 * spools) + PAGE_LIST_BYTES * pages;
+        let base = (BASE_VERTEX_BYTES + 2 * colour) * load.base_vertices as u64
             + BASE_FACE_BYTES * load.base_faces as u64;
-        let fixed = ALWAYS + held + lists + base + BUFFERS * chunk_bytes;
+        let buffers = BUFFERS + 2 * u64::from(load.colours);
+        let fixed = ALWAYS + held + lists + base + buffers * chunk_bytes;
         let tables =
             EXPECTED_BYTES * u64::from(names.vertices) + FACE_BYTES * u64::from(names.faces);
-        let numbering = tables + chunk_bytes * buckets;
-        let encoding = PAGES_BYTES * page_nodes + ENCODER_BYTES * threads;
-        let writing = encoding + 2 * BUCKET_NODE_BYTES * bucket_nodes;
+        let numbering = tables + chunk_bytes * spools;
+        let encoding = (PAGES_BYTES + 64 * 4 * colour) * page_nodes + ENCODER_BYTES * threads;
+        let writing = encoding + 2 * (BUCKET_NODE_BYTES + colour) * bucket_nodes;
         fixed + numbering.max(writing)
     }
 
@@ -183,6 +208,10 @@ impl NumberPlan {
         let held = load.held + memory_bytes - Self::needed(load, bucket_nodes);
         Ok(Self { held, bucket_nodes: u32::try_from(bucket_nodes).unwrap_or(u32::MAX) })
     }
+}
+
+fn colour_bytes(colours: bool) -> u64 {
+    if colours { COLOUR_BYTES } else { 0 }
 }
 
 /// Chunks grow with the memory, so that there are neither too many of them in a large log, nor too few in memory.

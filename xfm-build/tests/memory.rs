@@ -7,7 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{Sequence, independent_sets, link, plain, recycled, sweep, torus};
+use common::{Sequence, coloured, independent_sets, link, plain, recycled, sweep, torus};
 use xfm_build::{Error, LinkOptions, NumberOptions};
 
 /// Counts what is allocated now and at most.
@@ -49,6 +49,7 @@ fn check(sequence: &Sequence) {
     for more in [0, 300 << 10, 3 << 20, 100 << 20] {
         let mut options = LinkOptions::new(sequence.names);
         options.write.page_nodes = 64;
+        options.colours = !sequence.colours.is_empty();
         options.memory_bytes = options.least_memory_bytes() + more;
         let before = NOW.load(Ordering::Relaxed);
         let first = link(sequence, folder.path(), &options);
@@ -75,11 +76,15 @@ fn check(sequence: &Sequence) {
 fn what_is_allocated_is_never_more_than_what_is_allowed() {
     // Few names and many collapses.
     let shape = torus(250, 250);
-    check(&recycled(&plain(&shape, &sweep(&shape, 2000, 3, 1)), 1));
+    let few_names = recycled(&plain(&shape, &sweep(&shape, 2000, 3, 1)), 1);
+    check(&few_names);
+    check(&coloured(few_names));
     // As many names as there can be.
     let shape = torus(100, 100);
     check(&plain(&shape, &independent_sets(&shape, 100)));
     // A coarsest mesh that is not small.
     let shape = torus(200, 200);
-    check(&plain(&shape, &independent_sets(&shape, 60_000)));
+    let large = plain(&shape, &independent_sets(&shape, 60_000));
+    check(&large);
+    check(&coloured(large));
 }

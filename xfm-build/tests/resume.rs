@@ -5,7 +5,7 @@ mod common;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use common::{Memory, Sequence, build, plain, recycled, sheet, sweep};
+use common::{Memory, Sequence, build, coloured, plain, recycled, sheet, sweep};
 use scratch::Scratch;
 use xfm_build::{Error, Keep, LinkOptions, Linked, Linker, NumberOptions, StateProblem};
 use xfm_format::WriteOptions;
@@ -18,6 +18,7 @@ fn sequence() -> Sequence {
 fn options(sequence: &Sequence) -> LinkOptions {
     let mut options = LinkOptions::new(sequence.names);
     options.write.page_nodes = 64;
+    options.colours = !sequence.colours.is_empty();
     options.memory_bytes = options.least_memory_bytes();
     options
 }
@@ -30,8 +31,8 @@ fn keep() -> Keep {
 fn leave(sequence: &Sequence, folder: &Path) -> Result<(), Error> {
     let mut linker = Linker::new_kept(&Scratch::new(folder), &options(sequence), &keep())?;
     linker.require(1000)?;
-    for (record, position, normal) in &sequence.records {
-        linker.push(record, *position, *normal)?;
+    for (i, (record, position, normal)) in sequence.records.iter().enumerate() {
+        linker.push_with(record, *position, *normal, sequence.colours.get(i).copied())?;
     }
     drop(linker.finish(&sequence.coarse)?);
     Ok(())
@@ -57,17 +58,22 @@ fn go_on(linked: Linked, path: &Path) -> Result<(), Error> {
 
 #[test]
 fn the_file_is_the_same_and_then_nothing_is_left() {
-    let sequence = sequence();
+    for sequence in [sequence(), coloured(sequence())] {
+        go_on_with(&sequence);
+    }
+}
+
+fn go_on_with(sequence: &Sequence) {
     let (folder, files) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let scratch = Scratch::new(folder.path());
-    let write = options(&sequence).write;
+    let write = options(sequence).write;
     assert!(Linked::resume(&scratch, &keep(), &write).unwrap().is_none());
     let [expected, found] = ["expected", "found"].map(|name| files.path().join(name));
-    build(&sequence, &expected, options(&sequence), Memory::Ample).unwrap();
+    build(sequence, &expected, options(sequence), Memory::Ample).unwrap();
 
-    leave(&sequence, folder.path()).unwrap();
+    leave(sequence, folder.path()).unwrap();
     assert_eq!(names(folder.path()), ["scan.log", "scan.state"]);
-    let error = leave(&sequence, folder.path()).unwrap_err();
+    let error = leave(sequence, folder.path()).unwrap_err();
     assert!(error.to_string().contains("exists"), "{error}");
     // The first attempt to go on is broken off, the second one is not.
     let linked = Linked::resume(&scratch, &keep(), &write).unwrap().unwrap();
@@ -121,9 +127,9 @@ fn another_input_and_damage_are_noticed() {
         let mut changed = state.clone();
         changed[at] ^= 16;
         std::fs::write(&path, &changed).unwrap();
-        assert!(matches!(problem(&keep(), &write), StateProblem::Damaged), "{at}");
+        assert!(matches!(problem(&keep(), &write), StateProblem::Damaged(_)), "{at}");
         std::fs::write(&path, &state[..at]).unwrap();
-        assert!(matches!(problem(&keep(), &write), StateProblem::Damaged), "{at}");
+        assert!(matches!(problem(&keep(), &write), StateProblem::Damaged(_)), "{at}");
     }
     std::fs::write(&path, &state).unwrap();
 

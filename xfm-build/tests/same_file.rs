@@ -2,9 +2,12 @@
 
 mod common;
 
-use common::{Memory, Shape, build, forest, independent_sets, plain, recycled, sweep};
+use common::{
+    Memory, Sequence, Shape, build, coloured, coloured_forest, forest, independent_sets, plain,
+    recycled, sweep,
+};
 use common::{sheet, sphere, torus, tube};
-use mergetree::{Node, Records};
+use mergetree::{Forest, Node, Records};
 use proptest::prelude::*;
 use xfm_build::LinkOptions;
 use xfm_format::{Encoding, PositionError, WriteOptions, XfmFile, verify, write};
@@ -18,20 +21,26 @@ fn write_options(levels: u32, page_nodes: usize) -> WriteOptions {
 
 /// Compares the file of a sequence of collapses, made in every way, with that of the forest in memory.
 fn check(shape: &Shape, records: &Records, write_options: &WriteOptions, seed: u64) {
+    let (forest, sequence) = (forest(shape, records), plain(shape, records));
+    check_same(&forest, &sequence, write_options, seed);
+    check_same(&coloured_forest(forest), &coloured(sequence), write_options, seed);
+}
+
+fn check_same(forest: &Forest, sequence: &Sequence, write_options: &WriteOptions, seed: u64) {
     let folder = tempfile::tempdir().unwrap();
     let expected_path = folder.path().join("expected.xfm");
-    let expected_report = write(&forest(shape, records), &expected_path, write_options).unwrap();
+    let expected_report = write(forest, &expected_path, write_options).unwrap();
     let expected = std::fs::read(&expected_path).unwrap();
     let file = XfmFile::open(&expected_path).unwrap();
     assert_eq!(verify(&file, |_| {}).errors, []);
-    let sequence = plain(shape, records);
-    let again = recycled(&sequence, seed);
+    let again = recycled(sequence, seed);
     assert!(again.names.vertices <= sequence.names.vertices);
-    for sequence in [&sequence, &again] {
+    for sequence in [sequence, &again] {
         for memory in [Memory::Ample, Memory::Least] {
             let path = folder.path().join("found.xfm");
             let mut options = LinkOptions::new(sequence.names);
             options.write = write_options.clone();
+            options.colours = file.header().has_colour();
             let (report, scratch) = build(sequence, &path, options, memory).unwrap();
             assert_eq!(report, expected_report);
             if std::fs::read(&path).unwrap() != expected {
@@ -45,7 +54,8 @@ fn check(shape: &Shape, records: &Records, write_options: &WriteOptions, seed: u
                 panic!("the files differ, and what is in them does not");
             }
             let chunk = 4096;
-            let log = 60 * sequence.records.len() as u64;
+            let node_bytes = if file.header().has_colour() { 64 } else { 60 };
+            let log = node_bytes * sequence.records.len() as u64;
             match memory {
                 Memory::Ample => assert_eq!(scratch, 0),
                 Memory::Least => assert!(scratch + 2 * chunk >= log && scratch < log + 40 * chunk),

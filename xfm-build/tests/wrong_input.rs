@@ -63,6 +63,7 @@ fn a_collapse_that_is_none() {
         s.records[i].0.adjacent[2] = None;
     });
     assert_eq!(problem, SecondFace);
+    assert_eq!(record_problem(|s| s.colours = vec![[0; 4]]), (0, Colour));
 }
 
 #[test]
@@ -89,6 +90,7 @@ fn a_coarsest_mesh_that_is_not_what_is_left() {
     assert!(matches!(coarse_problem(|s| s.coarse.vertices.clear()), NoVertex(_)));
     let removed = coarse_problem(|s| s.coarse.faces[0].corners[0] = s.records[0].0.removed);
     assert!(matches!(removed, NoCorner(_)));
+    assert_eq!(coarse_problem(|s| s.coarse.colours.push([0; 4])), Colours);
 }
 
 /// Whatever is changed in a sequence of collapses: there is an error, or it is one of another mesh, as far as can be seen

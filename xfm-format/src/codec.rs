@@ -9,12 +9,12 @@ mod encode;
 mod shape;
 
 use halfedge::HalfEdgeId;
-use mergetree::HalfEdgeNames;
+use mergetree::{Colour, HalfEdgeNames};
 
 pub(crate) use decode::PageDecoder;
 pub(crate) use encode::{PageDefect, PageEncoder};
 
-use crate::header::Header;
+use crate::header::{Header, MoreAttribute};
 use crate::numbering::Numbering;
 use crate::rounding::Rounding;
 
@@ -28,8 +28,8 @@ pub(crate) struct PageContext {
     pub num_base_half_edges: u32,
     pub num_nodes: u64,
     pub num_blocks: u64,
-    /// Numbers per node of attributes that this version reads over.
-    pub unknown_components: usize,
+    /// What pages have besides what all have, in its order.
+    pub more: Vec<MoreAttribute>,
     /// Nothing is rounded where the encoding is the exact one.
     pub rounding: Rounding,
 }
@@ -44,14 +44,14 @@ impl PageContext {
             num_base_half_edges: 3 * header.base_faces as u32,
             num_nodes: header.nodes,
             num_blocks: header.blocks,
-            unknown_components: header
-                .attributes
-                .iter()
-                .skip(crate::header::standard_attributes().len())
-                .map(|attribute| usize::from(attribute.components))
-                .sum(),
+            more: header.more_attributes().collect(),
             rounding: header.rounding,
         }
+    }
+
+    /// Whether nodes have colours.
+    pub fn has_colour(&self) -> bool {
+        self.more.contains(&MoreAttribute::Colour)
     }
 
     /// The half-edge of this name, if it is one that the file may have.
@@ -117,6 +117,8 @@ pub struct FieldBytes {
     pub order: u64,
     /// The half-edges `w, x, y, z`.
     pub adjacent: u64,
+    /// Colours of nodes.
+    pub colour: u64,
     /// Attributes that this version reads over.
     pub other: u64,
 }
@@ -138,6 +140,7 @@ impl FieldBytes {
             ("deviation", self.deviation),
             ("order", self.order),
             ("adjacent", self.adjacent),
+            ("colour", self.colour),
             ("other", self.other),
         ]
         .into_iter()
@@ -186,6 +189,41 @@ impl FieldBytes {
         self.deviation += other.deviation;
         self.order += other.order;
         self.adjacent += other.adjacent;
+        self.colour += other.colour;
         self.other += other.other;
+    }
+}
+
+/// What stands for a colour in columns and symbols: the differences to the one it is predicted by, those of red and blue less
+/// that of green, because mostly all three change together. Each is taken as a signed byte.
+#[inline]
+pub(crate) fn colour_difference(colour: Colour, predicted: Colour) -> [i8; 4] {
+    let [r, g, b, a] = std::array::from_fn(|i| colour[i].wrapping_sub(predicted[i]));
+    [r.wrapping_sub(g), g, b.wrapping_sub(g), a].map(|byte| byte as i8)
+}
+
+/// The inverse of [`colour_difference`].
+#[inline]
+pub(crate) fn colour_from_difference(difference: [i8; 4], predicted: Colour) -> Colour {
+    let [r, g, b, a] = difference.map(|byte| byte as u8);
+    let moved = [r.wrapping_add(g), g, b.wrapping_add(g), a];
+    std::array::from_fn(|i| predicted[i].wrapping_add(moved[i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_of_colours_are_inverted() {
+        let mut state = 1u32;
+        for _ in 0..10_000 {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            let colour = state.to_le_bytes();
+            let predicted = state.rotate_left(11).wrapping_mul(9).to_le_bytes();
+            let difference = colour_difference(colour, predicted);
+            assert_eq!(colour_from_difference(difference, predicted), colour);
+        }
+        assert_eq!(colour_difference([9, 8, 7, 255], [4, 3, 2, 255]), [0, 5, 0, 0]);
     }
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::codec::{FieldBytes, PageContext, PageDefect, PageEncoder};
 use crate::error::Error;
 use crate::header::{
-    Encoding, Header, HeaderProblem, Precision, Section, VERSION, standard_attributes,
+    Attribute, Encoding, Header, HeaderProblem, Precision, Section, VERSION, standard_attributes,
 };
 use crate::page::Page;
 use crate::rounding::Rounding;
@@ -181,6 +181,7 @@ pub struct WriteReport {
 /// let base = BaseMesh {
 ///     vertices: vec![vertex(Vec3::ZERO, Some(root)), vertex(Vec3::X, None), vertex(Vec3::Y, None)],
 ///     faces: vec![[0, 1, 2]],
+///     colours: Vec::new(),
 /// };
 /// let node = Node { position: Vec3::NEG_Y, adjacent: [None, None, None, None], ..Node::BLANK };
 /// let totals = Totals {
@@ -227,7 +228,7 @@ impl std::fmt::Debug for FileWriter {
 }
 
 impl FileWriter {
-    /// Begins a file with the coarsest mesh, whose roots are final ids.
+    /// Begins a file with the coarsest mesh, whose roots are final ids. Where its vertices have colours, all nodes have.
     ///
     /// # Errors
     /// [`Error::Option`] and [`Error::PositionError`]; [`Error::InvalidBase`], also when its vertices are not
@@ -484,6 +485,10 @@ fn new_header(
     base: &BaseMesh,
     rounding: Rounding,
 ) -> Header {
+    let mut attributes = standard_attributes();
+    if !base.colours.is_empty() {
+        attributes.push(Attribute::colour(options.encoding));
+    }
     Header {
         version: VERSION,
         features: 0,
@@ -502,7 +507,7 @@ fn new_header(
         origin: options.origin,
         precision: options.precision,
         rounding,
-        attributes: standard_attributes(),
+        attributes,
         base: Section::default(),
         root_list: Section::default(),
         page_data: Section::default(),
@@ -512,6 +517,10 @@ fn new_header(
 }
 
 fn check_base(base: &BaseMesh, header: &Header) -> Result<(), String> {
+    let [vertices, colours] = [base.vertices.len(), base.colours.len()];
+    if colours != 0 && colours != vertices {
+        return Err(format!("there are {colours} colours for {vertices} vertices"));
+    }
     if let Some(vertex) = base.vertices.iter().position(|v| !v.position.is_finite()) {
         return Err(format!("the position of vertex {vertex} is not finite"));
     }

@@ -108,6 +108,8 @@ pub enum AttributeType {
     Octahedral,
     /// A non-negative floating-point number in 16 bits, rounded up.
     F16Up,
+    /// A byte, of which 255 stands for one.
+    U8,
     /// A type that this reader does not know; it reads over the attribute.
     Other(u8),
 }
@@ -118,6 +120,7 @@ impl AttributeType {
             Self::F32 => 0,
             Self::Octahedral => 1,
             Self::F16Up => 2,
+            Self::U8 => 3,
             Self::Other(code) => code,
         }
     }
@@ -127,7 +130,43 @@ impl AttributeType {
             0 => Self::F32,
             1 => Self::Octahedral,
             2 => Self::F16Up,
+            3 => Self::U8,
             code => Self::Other(code),
+        }
+    }
+}
+
+/// How the numbers of an attribute lie in a page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum AttributeCoding {
+    /// As a column for each component; the first five attributes of a compact file as that encoding says.
+    Columns,
+    /// As symbols and bits of its own, after those of the page.
+    Symbols,
+}
+
+impl AttributeCoding {
+    fn code(self) -> u8 {
+        match self {
+            Self::Columns => 0,
+            Self::Symbols => 1,
+        }
+    }
+
+    fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Columns),
+            1 => Some(Self::Symbols),
+            _ => None,
+        }
+    }
+
+    /// The name users know it by.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Columns => "columns",
+            Self::Symbols => "symbols",
         }
     }
 }
@@ -143,24 +182,56 @@ pub struct Attribute {
     pub kind: AttributeType,
     /// How many numbers there are for every node.
     pub components: u8,
+    /// How they lie in a page.
+    pub coding: AttributeCoding,
 }
+
+impl Attribute {
+    /// Colours of vertices, as files of this encoding have them.
+    pub(crate) fn colour(encoding: Encoding) -> Self {
+        Self {
+            name: "colour".into(),
+            unit: "1/255".into(),
+            kind: AttributeType::U8,
+            components: 4,
+            coding: match encoding {
+                Encoding::Exact => AttributeCoding::Columns,
+                Encoding::Compact => AttributeCoding::Symbols,
+            },
+        }
+    }
+}
+
+/// How many attributes every file begins with.
+const NUM_STANDARD: usize = 5;
 
 /// The attributes that every file begins with.
 pub(crate) fn standard_attributes() -> Vec<Attribute> {
-    [
+    let standard: [_; NUM_STANDARD] = [
         ("position", "model", AttributeType::F32, 3),
         ("normal", "unit vector", AttributeType::Octahedral, 2),
         ("radius", "model", AttributeType::F16Up, 1),
         ("cone sine", "", AttributeType::F16Up, 1),
         ("deviation", "model", AttributeType::F16Up, 1),
-    ]
-    .map(|(name, unit, kind, components)| Attribute {
+    ];
+    let attributes = standard.map(|(name, unit, kind, components)| Attribute {
         name: name.into(),
         unit: unit.into(),
         kind,
         components,
-    })
-    .into()
+        coding: AttributeCoding::Columns,
+    });
+    attributes.into()
+}
+
+/// An attribute after the standard ones, which are those of all vertices: what there is of it in a page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum MoreAttribute {
+    Colour,
+    /// One that this version reads over: so many columns.
+    Columns(u8),
+    /// One that this version reads over: symbols and bits for so many components.
+    Symbols(u8),
 }
 
 /// Where a part of the file lies.
@@ -273,6 +344,41 @@ impl Header {
         if half_edges > max { Err((half_edges, max)) } else { Ok(()) }
     }
 
+    /// Whether vertices have colours.
+    pub fn has_colour(&self) -> bool {
+        self.more_attributes().any(|attribute| attribute == MoreAttribute::Colour)
+    }
+
+    /// The attributes after the standard ones, in their order. Of two that are colours the first one counts.
+    pub(crate) fn more_attributes(&self) -> impl Iterator<Item = MoreAttribute> + '_ {
+        let colour = Attribute::colour(self.encoding);
+        let mut has_colour = false;
+        self.attributes.iter().skip(NUM_STANDARD).map(move |attribute| {
+            if !has_colour && *attribute == colour {
+                has_colour = true;
+                return MoreAttribute::Colour;
+            }
+            match attribute.coding {
+                AttributeCoding::Columns => MoreAttribute::Columns(attribute.components),
+                AttributeCoding::Symbols => MoreAttribute::Symbols(attribute.components),
+            }
+        })
+    }
+
+    /// Memory that a node takes.
+    pub(crate) fn node_bytes(&self) -> u64 {
+        64 + self.colour_bytes()
+    }
+
+    /// Memory that a vertex of the coarsest mesh takes.
+    pub(crate) fn vertex_bytes(&self) -> u64 {
+        24 + self.colour_bytes()
+    }
+
+    fn colour_bytes(&self) -> u64 {
+        if self.has_colour() { 4 } else { 0 }
+    }
+
     /// Length of the header in the file.
     pub(crate) fn encoded_len(&self) -> usize {
         encoded_len(self.encoding, self.attributes.len())
@@ -311,7 +417,8 @@ impl Header {
             out.resize(at + 16, 0);
             out.extend(attribute.unit.as_bytes());
             out.resize(at + 28, 0);
-            out.extend([attribute.kind.code(), attribute.components, 0, 0]);
+            let coding = attribute.coding.code();
+            out.extend([attribute.kind.code(), attribute.components, coding, 0]);
         }
         if self.encoding == Encoding::Compact {
             let at = out.len();
@@ -495,12 +602,12 @@ impl Header {
         }
         let base_bytes = self
             .base_vertices
-            .saturating_mul(24)
+            .saturating_mul(self.vertex_bytes())
             .saturating_add(self.base_faces.saturating_mul(12));
         for (bytes, section) in [
             (base_bytes, self.base),
             (self.roots.saturating_mul(8), self.root_list),
-            (self.nodes.saturating_mul(64), self.page_data),
+            (self.nodes.saturating_mul(self.node_bytes()), self.page_data),
         ] {
             check_expansion(bytes, section.length, Place::Header)?;
         }
@@ -590,11 +697,13 @@ impl Fields<'_> {
         let cut = |_| defect("the attribute table is cut short");
         let name = text(&self.array::<16>().map_err(cut)?)?;
         let unit = text(&self.array::<12>().map_err(cut)?)?;
-        let [kind, components, reserved @ ..] = self.array::<4>().map_err(cut)?;
-        if reserved != [0; 2] {
+        let [kind, components, coding, reserved] = self.array::<4>().map_err(cut)?;
+        if reserved != 0 {
             return Err(defect(format!("reserved bytes of attribute {name} are not zero")));
         }
-        Ok(Attribute { name, unit, kind: AttributeType::from_code(kind), components })
+        let coding = AttributeCoding::from_code(coding)
+            .ok_or_else(|| defect(format!("a coding of number {coding} for attribute {name}")))?;
+        Ok(Attribute { name, unit, kind: AttributeType::from_code(kind), components, coding })
     }
 }
 

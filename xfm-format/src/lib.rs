@@ -56,7 +56,7 @@ mod write;
 pub use codec::FieldBytes;
 pub use error::{Error, Place};
 pub use file_writer::{FileWriter, PositionError, Totals, WriteOptions, WriteReport};
-pub use header::{Attribute, AttributeType, Encoding, Header, Precision, VERSION};
+pub use header::{Attribute, AttributeCoding, AttributeType, Encoding, Header, Precision, VERSION};
 pub use numbering::{BlockId, Numbering};
 pub use page::{Block, Page};
 pub use reader::{PageReader, XfmFile};

@@ -1,6 +1,6 @@
 //! A page in memory: some blocks and their nodes, one after another.
 
-use mergetree::{Node, NodeId};
+use mergetree::{Colour, Node, NodeId};
 
 use crate::numbering::BlockId;
 
@@ -12,6 +12,8 @@ pub struct Page {
     pub(crate) blocks: Vec<u32>,
     /// Nodes of all blocks, in order of their ids.
     pub(crate) nodes: Vec<Node>,
+    /// Their colours; empty where there are none.
+    pub(crate) colours: Vec<Colour>,
 }
 
 /// One block of a page.
@@ -21,6 +23,8 @@ pub struct Block<'a> {
     pub id: BlockId,
     /// Its nodes, in order of their slots.
     pub nodes: &'a [Node],
+    /// Their colours; empty where there are none.
+    pub colours: &'a [Colour],
 }
 
 impl<'a> Block<'a> {
@@ -50,8 +54,14 @@ impl Page {
     /// Removes all blocks, so that the page can be filled again from this block on.
     pub fn restart_at(&mut self, first_block: BlockId) {
         self.first_block = first_block.get();
+        self.clear();
+    }
+
+    /// Removes all blocks.
+    pub(crate) fn clear(&mut self) {
         self.blocks.clear();
         self.nodes.clear();
+        self.colours.clear();
     }
 
     /// Appends a block with the next number, of nodes in order of their slots.
@@ -62,6 +72,12 @@ impl Page {
     pub fn push_block(&mut self, nodes: &[Node]) {
         self.blocks.push(self.nodes.len() as u32);
         self.nodes.extend_from_slice(nodes);
+    }
+
+    /// The same with the colours of the nodes, as many. Either all blocks of a file have colours, or none.
+    pub fn push_coloured_block(&mut self, nodes: &[Node], colours: &[Colour]) {
+        self.push_block(nodes);
+        self.colours.extend_from_slice(colours);
     }
 
     /// The number of its first block, or of the first one to come.
@@ -79,6 +95,11 @@ impl Page {
         &self.nodes
     }
 
+    /// The colours of all nodes, in the same order; empty where there are none.
+    pub fn colours(&self) -> &[Colour] {
+        &self.colours
+    }
+
     /// All blocks, in order of their ids.
     pub fn blocks(&self) -> impl ExactSizeIterator<Item = Block<'_>> {
         (0..self.blocks.len()).map(|index| self.at(index))
@@ -92,12 +113,18 @@ impl Page {
 
     /// Bytes that the page takes in memory.
     pub fn memory_bytes(&self) -> usize {
-        self.blocks.capacity() * size_of::<u32>() + self.nodes.capacity() * size_of::<Node>()
+        self.blocks.capacity() * size_of::<u32>()
+            + self.nodes.capacity() * size_of::<Node>()
+            + self.colours.capacity() * size_of::<Colour>()
     }
 
     fn at(&self, index: usize) -> Block<'_> {
         let start = self.blocks[index] as usize;
         let end = self.blocks.get(index + 1).map_or(self.nodes.len(), |&next| next as usize);
-        Block { id: BlockId::new(self.first_block + index as u32), nodes: &self.nodes[start..end] }
+        Block {
+            id: BlockId::new(self.first_block + index as u32),
+            nodes: &self.nodes[start..end],
+            colours: self.colours.get(start..end).unwrap_or_default(),
+        }
     }
 }

@@ -161,7 +161,7 @@ impl XfmFile {
         };
         let [nodes, blocks, length] =
             [largest(|e| e.nodes), largest(|e| e.blocks), largest(|e| e.length)];
-        let page = nodes * size_of::<Node>() + blocks * size_of::<u32>();
+        let page = nodes * self.header.node_bytes() as usize + blocks * size_of::<u32>();
         // A column of values and its planes, a packed plane, references, ids, children outside and tops, each in memory
         // that may have doubled.
         let per_node = 8 + 8 + 1 + 8 + 4 + 2 * 8 + 1;
@@ -173,6 +173,7 @@ impl XfmFile {
         size_of_val(&self.index[..])
             + size_of_val(&self.base.vertices[..])
             + size_of_val(&self.base.faces[..])
+            + size_of_val(&self.base.colours[..])
             + size_of::<Self>()
     }
 
@@ -210,8 +211,7 @@ impl XfmFile {
     ) -> Result<(), Error> {
         let result = self.try_read_page(number, reader, page);
         if result.is_err() {
-            page.blocks.clear();
-            page.nodes.clear();
+            page.clear();
         }
         result
     }
@@ -275,7 +275,7 @@ impl XfmFile {
     /// A node's id there is its place in the order of ids in the file, without the gaps that blocks leave.
     ///
     /// # Complexity
-    /// Time and memory linear in the number of nodes: 64 bytes per node and 4 per block.
+    /// Time and memory linear in the number of nodes: 64 bytes per node, 4 more with colours, and 4 per block.
     ///
     /// # Errors
     /// As [`read_page_into`](Self::read_page_into), and [`Error::Invalid`] where a link leads to a slot without node.
@@ -284,10 +284,12 @@ impl XfmFile {
         let mut nodes: Vec<Node> = Vec::with_capacity(self.header.nodes as usize);
         // Per block where its nodes begin, and where the last one ends.
         let mut starts: Vec<u32> = Vec::with_capacity(self.num_blocks() + 1);
+        let mut colours = Vec::new();
         let mut reader = self.page_reader()?;
         let mut page = Page::new();
         for number in 0..self.num_pages() {
             self.read_page_into(number, &mut reader, &mut page)?;
+            colours.extend_from_slice(&page.colours);
             starts.extend(page.blocks.iter().map(|&start| nodes.len() as u32 + start));
             nodes.extend_from_slice(&page.nodes);
         }
@@ -319,7 +321,7 @@ impl XfmFile {
         for root in base.vertices.iter_mut().filter_map(|vertex| vertex.root.as_mut()) {
             *root = dense(*root)?;
         }
-        Ok(Forest { base, nodes })
+        Ok(Forest { base, nodes, colours })
     }
 }
 

@@ -3,14 +3,16 @@
 use std::io;
 
 use glam::Vec3;
-use mergetree::{BaseMesh, BaseVertex, OctNormal};
+use mergetree::{BaseMesh, BaseVertex, Colour, OctNormal};
+
+use crate::codec::{colour_difference, colour_from_difference};
 
 use crate::column::{
     ColumnDecoder, ColumnEncoder, Cursor, float_difference, float_from_difference,
     short_difference, short_from_difference, unzigzag, zigzag,
 };
 use crate::error::{Defect, Place};
-use crate::header::{Header, INDEX_ENTRY_LEN, MAX_EXPANSION, check_expansion};
+use crate::header::{Header, INDEX_ENTRY_LEN, MAX_EXPANSION, MoreAttribute, check_expansion};
 use crate::numbering::{BlockId, Numbering};
 
 /// First byte of what the checksum of each part covers, so that one cannot stand in for another.
@@ -99,7 +101,7 @@ pub(crate) fn decode_index(bytes: &[u8], header: &Header) -> Result<Vec<IndexEnt
             )));
         }
         check_expansion(
-            u64::from(entry.nodes) * 64,
+            u64::from(entry.nodes) * header.node_bytes(),
             entry.length.into(),
             Place::Page(number as u64),
         )?;
@@ -123,7 +125,8 @@ pub(crate) fn decode_index(bytes: &[u8], header: &Header) -> Result<Vec<IndexEnt
 
 /// The coarsest mesh without its roots.
 pub(crate) fn encode_base(base: &BaseMesh) -> io::Result<Vec<u8>> {
-    let memory = (24 * base.vertices.len() + 12 * base.faces.len()) as u64;
+    let [vertices, faces, colours] = [base.vertices.len(), base.faces.len(), base.colours.len()];
+    let memory = (24 * vertices + 12 * faces + 4 * colours) as u64;
     let mut columns = ColumnEncoder::new()?;
     let packed = encode_base_with(base, &mut columns);
     if memory <= packed.len() as u64 * MAX_EXPANSION {
@@ -163,6 +166,17 @@ fn encode_base_with(base: &BaseMesh, columns: &mut ColumnEncoder) -> Vec<u8> {
         }));
         columns.column(&mut out, &values);
     }
+    if !base.colours.is_empty() {
+        for component in 0..4 {
+            let mut last = [0; 4];
+            values.clear();
+            values.extend(base.colours.iter().map(|&colour| {
+                let difference = colour_difference(colour, std::mem::replace(&mut last, colour));
+                zigzag(difference[component].into())
+            }));
+            columns.column(&mut out, &values);
+        }
+    }
     out
 }
 
@@ -174,7 +188,11 @@ pub(crate) fn decode_base(bytes: &[u8], header: &Header) -> Result<BaseMesh, Def
     let num_faces = header.base_faces as usize;
     let mut values = Vec::new();
     let blank = BaseVertex { position: Vec3::ZERO, normal: OctNormal([0, 0]), root: None };
-    let mut base = BaseMesh { vertices: vec![blank; num_vertices], faces: vec![[0; 3]; num_faces] };
+    let mut base = BaseMesh {
+        vertices: vec![blank; num_vertices],
+        faces: vec![[0; 3]; num_faces],
+        colours: Vec::new(),
+    };
     for axis in 0..3 {
         columns.column(&mut cursor, "position", num_vertices, 4, &mut values)?;
         let mut last = 0.0;
@@ -209,8 +227,41 @@ pub(crate) fn decode_base(bytes: &[u8], header: &Header) -> Result<BaseMesh, Def
             last = face[0];
         }
     }
+    for attribute in header.more_attributes() {
+        match attribute {
+            MoreAttribute::Colour => {
+                base.colours = decode_colours(&mut cursor, &mut columns, num_vertices)?;
+            }
+            MoreAttribute::Columns(components) | MoreAttribute::Symbols(components) => {
+                for _ in 0..components {
+                    ColumnDecoder::skip(&mut cursor, "unknown attribute", num_vertices)?;
+                }
+            }
+        }
+    }
     cursor.finish()?;
     Ok(base)
+}
+
+fn decode_colours(
+    cursor: &mut Cursor<'_>,
+    columns: &mut ColumnDecoder,
+    count: usize,
+) -> Result<Vec<Colour>, Defect> {
+    let mut values = Vec::new();
+    let mut differences = vec![[0; 4]; count];
+    for component in 0..4 {
+        columns.column(cursor, "colour", count, 1, &mut values)?;
+        for (difference, &value) in differences.iter_mut().zip(&values) {
+            difference[component] = unzigzag(value) as i8;
+        }
+    }
+    let mut last = [0; 4];
+    let colour = |difference| {
+        last = colour_from_difference(difference, last);
+        last
+    };
+    Ok(differences.into_iter().map(colour).collect())
 }
 
 /// The vertices with a tree and the blocks that the trees begin in.

@@ -44,6 +44,11 @@ pub fn write(
     let numbering = Numbering::new(options.levels);
     let invalid =
         |NotAForest { node, message }| Error::InvalidForest { file: path.into(), node, message };
+    let num_colours = if forest.base.colours.is_empty() { 0 } else { forest.nodes.len() };
+    if forest.colours.len() != num_colours {
+        let message = "is one of a forest with colours for some vertices only";
+        return Err(invalid(NotAForest { node: forest.nodes.len().saturating_sub(1), message }));
+    }
     let layout =
         Layout::new(forest, numbering, options.page_nodes as u32, rounding).map_err(invalid)?;
     let mut base = forest.base.clone();
@@ -116,11 +121,14 @@ impl Renamer<'_> {
         let starts = &self.layout.starts[span.first_block as usize..][..=span.num_blocks as usize];
         let mut page = Page::starting_at(BlockId::new(span.first_block));
         page.blocks.reserve_exact(span.num_blocks as usize);
-        page.nodes.reserve_exact((starts[starts.len() - 1] - starts[0]) as usize);
+        let num_nodes = (starts[starts.len() - 1] - starts[0]) as usize;
+        page.nodes.reserve_exact(num_nodes);
+        page.colours.reserve_exact(if self.forest.colours.is_empty() { 0 } else { num_nodes });
         for block in starts.windows(2) {
             page.blocks.push(page.nodes.len() as u32);
             for &id in &self.layout.order[block[0] as usize..block[1] as usize] {
                 page.nodes.push(self.node(id)?);
+                page.colours.extend(self.forest.colours.get(id.index()));
             }
         }
         Ok(page)

@@ -4,7 +4,7 @@ mod common;
 
 use std::io;
 
-use common::{Random, collapse, sheet, torus};
+use common::{Random, collapse, coloured, sheet, torus};
 use mergetree::Forest;
 use proptest::prelude::*;
 use xfm_format::{Encoding, Error, Place, Storage, WriteOptions, XfmFile, verify, write};
@@ -81,7 +81,7 @@ fn forge_header(bytes: &mut [u8], header_len: usize) {
 #[test]
 fn every_truncation_is_found() {
     for encoding in ENCODINGS {
-        let bytes = encoded(&collapse(&sheet(8), 400, 1), 3, encoding);
+        let bytes = encoded(&coloured(collapse(&sheet(8), 400, 1)), 3, encoding);
         for end in 0..bytes.len() {
             let error = open(&bytes[..end]).unwrap_err();
             assert!(matches!(error, Error::Truncated { .. }), "{end}: {error}");
@@ -100,12 +100,14 @@ fn a_byte_too_many_is_found() {
 
 #[test]
 fn every_flipped_bit_is_found() {
-    ENCODINGS.into_iter().for_each(flip_every_bit);
+    let forest = collapse(&sheet(7), 300, 5);
+    for forest in [coloured(forest.clone()), forest] {
+        ENCODINGS.into_iter().for_each(|encoding| flip_every_bit(&forest, encoding));
+    }
 }
 
-fn flip_every_bit(encoding: Encoding) {
-    let forest = collapse(&sheet(7), 300, 5);
-    let bytes = encoded(&forest, 2, encoding);
+fn flip_every_bit(forest: &Forest, encoding: Encoding) {
+    let bytes = encoded(forest, 2, encoding);
     assert!(bytes.len() < 6000, "{} bytes would take long", bytes.len());
     assert!(verify(&open(&bytes).unwrap(), |_| {}).is_ok());
     let index = section(&bytes, INDEX);
@@ -210,7 +212,8 @@ fn fields_of_the_header_are_refused_by_name() {
         (249, "reserved"),
         (255, "reserved"),
         (256, "attributes do not begin"),
-        (256 + 30, "reserved"),
+        (256 + 30, "a coding of number"),
+        (256 + 31, "reserved"),
     ] {
         let error = with_header(|bytes| bytes[at] ^= 0x7f);
         assert!(
@@ -283,57 +286,92 @@ fn hostile_counts_do_not_allocate() {
 
 #[test]
 fn attributes_and_features_of_later_writers_are_read_over() {
-    ENCODINGS.into_iter().for_each(add_an_attribute);
+    let plain = collapse(&sheet(6), 200, 2);
+    for forest in [coloured(plain.clone()), plain] {
+        for encoding in ENCODINGS {
+            // A column of width 0; no words, any states, and two bytes of bits.
+            let symbols = [0, 1, 2, 3, 4, 5, 6, 7, 8, 2, 77, 78];
+            for (coding, of_page) in [(0, &[0][..]), (1, &symbols[..])] {
+                add_an_attribute(&encoded(&forest, 4, encoding), coding, of_page);
+            }
+        }
+    }
 }
 
-fn add_an_attribute(encoding: Encoding) {
-    let forest = collapse(&sheet(6), 200, 2);
-    let valid = encoded(&forest, 4, encoding);
-    let mut bytes = valid.clone();
+/// Adds an attribute of one component to a file: a column of width 0 for the coarsest mesh, and some bytes for each page.
+fn add_an_attribute(valid: &[u8], coding: u8, of_page: &[u8]) {
+    let mut bytes = valid.to_vec();
     bytes[16 + 4] = 1;
     let header_len = u32_at(&bytes, 12) as usize;
     forge_header(&mut bytes, header_len);
     assert_eq!(open(&bytes).unwrap().header().features, 1 << 32);
 
-    // One more attribute of one component: a column at the end of every page, here of width 0.
-    let pages = section(&valid, PAGES);
-    let index = section(&valid, INDEX);
+    let [base, pages, index] = [BASE, PAGES, INDEX].map(|field| section(valid, field));
+    let num_attributes = valid[26] as usize;
     // The table ends before what the encoding adds to the header.
-    let table_end = 256 + 5 * 32;
+    let table_end = 256 + 32 * num_attributes;
     let mut bytes = valid[..table_end].to_vec();
-    bytes.extend(b"colour\0\0\0\0\0\0\0\0\0\0sRGB\0\0\0\0\0\0\0\0\x37\x01\0\0");
-    bytes.extend(&valid[table_end..pages.start]);
+    bytes.extend(b"colour\0\0\0\0\0\0\0\0\0\0sRGB\0\0\0\0\0\0\0\0");
+    bytes.extend([0x37, 1, coding, 0]);
+    bytes.extend(&valid[table_end..base.end]);
+    bytes.push(0);
+    bytes.extend(&valid[base.end..pages.start]);
     let mut entries = Vec::new();
     for entry in index.step_by(32) {
-        let start = u64_at(&valid, entry + 8) as usize;
-        let length = u32_at(&valid, entry + 16);
+        let start = u64_at(valid, entry + 8) as usize;
+        let length = u32_at(valid, entry + 16);
         let mut changed = valid[entry..entry + 32].to_vec();
         changed[8..16].copy_from_slice(&(bytes.len() as u64).to_le_bytes());
-        set_u32(&mut changed, 16, length + 1);
+        set_u32(&mut changed, 16, length + of_page.len() as u32);
         entries.extend(changed);
         bytes.extend(&valid[start..start + length as usize]);
-        bytes.push(0);
+        bytes.extend(of_page);
     }
     let index_start = bytes.len() as u64;
-    let extra_pages = entries.len() as u64 / 32;
+    let more = entries.len() as u64 / 32 * of_page.len() as u64;
     bytes.extend(entries);
     set_u32(&mut bytes, 12, header_len as u32 + 32);
     bytes[26] += 1;
-    for field in [BASE, ROOTS, PAGES] {
-        let moved = u64_at(&bytes, field) + 32;
-        bytes[field..field + 8].copy_from_slice(&moved.to_le_bytes());
-    }
-    let pages_length = u64_at(&bytes, PAGES + 8) + extra_pages;
-    bytes[PAGES + 8..PAGES + 16].copy_from_slice(&pages_length.to_le_bytes());
+    let mut change = |at: usize, more: u64| {
+        let changed = u64_at(&bytes, at) + more;
+        bytes[at..at + 8].copy_from_slice(&changed.to_le_bytes());
+    };
+    change(BASE, 32);
+    change(BASE + 8, 1);
+    change(ROOTS, 33);
+    change(PAGES, 33);
+    change(PAGES + 8, more);
     bytes[INDEX..INDEX + 8].copy_from_slice(&index_start.to_le_bytes());
     let len = bytes.len() as u64;
     bytes[216..224].copy_from_slice(&len.to_le_bytes());
     forge(&mut bytes);
     let file = open(&bytes).unwrap();
-    assert_eq!(file.header().attributes[5].name, "colour");
+    assert_eq!(file.header().attributes[num_attributes].unit, "sRGB");
     assert!(verify(&file, |_| {}).is_ok());
-    let original = open(&valid).unwrap().read_forest().unwrap();
+    let original = open(valid).unwrap().read_forest().unwrap();
     assert_eq!(file.read_forest().unwrap(), original);
+    // Nothing of it is read beyond its end, and nothing is left.
+    let page = file.num_pages() - 1;
+    let end = section(&bytes, INDEX).start;
+    let entry = bytes.len() - 32;
+    for (cut, insert) in [(1, &[][..]), (0, &[0][..])] {
+        let mut changed = bytes[..end - cut].to_vec();
+        changed.extend(insert);
+        changed.extend(&bytes[end..]);
+        let shift = insert.len() as u64;
+        let mut change = |at: usize| {
+            let number = u64_at(&changed, at) + shift - cut as u64;
+            changed[at..at + 8].copy_from_slice(&number.to_le_bytes());
+        };
+        change(PAGES + 8);
+        change(INDEX);
+        change(216);
+        let entry = entry + insert.len() - cut;
+        let length = u32_at(&changed, entry + 16) + shift as u32 - cut as u32;
+        set_u32(&mut changed, entry + 16, length);
+        forge(&mut changed);
+        assert!(open(&changed).unwrap().read_page(page).is_err());
+    }
 }
 
 proptest! {
@@ -342,7 +380,9 @@ proptest! {
     #[test]
     fn forged_files_never_panic(seed in any::<u64>(), changes in 1usize..6, levels in 1u32..=5) {
         let encoding = ENCODINGS[(seed % 2) as usize];
-        let mut bytes = encoded(&collapse(&torus(9), 500, seed / 2 % 4), levels, encoding);
+        let forest = collapse(&torus(9), 500, seed / 2 % 4);
+        let forest = if seed / 8 % 2 == 0 { forest } else { coloured(forest) };
+        let mut bytes = encoded(&forest, levels, encoding);
         let mut random = Random(seed);
         let header_len = u32_at(&bytes, 12) as usize;
         for _ in 0..changes {

@@ -4,10 +4,10 @@ mod common;
 
 use std::collections::BTreeMap;
 
-use common::{Soup, collapse, sheet, torus, unnumbered};
+use common::{Soup, collapse, coloured, sheet, torus, unnumbered};
 use glam::Vec3;
 use halfedge::HalfEdgeId;
-use mergetree::{Forest, HalfEdgeName, NodeId, OctNormal};
+use mergetree::{BaseMesh, Forest, HalfEdgeName, NodeId, OctNormal};
 use proptest::prelude::*;
 use xfm_format::{BlockId, Encoding, Error, PositionError, WriteOptions, XfmFile, verify, write};
 
@@ -101,7 +101,9 @@ proptest! {
         page_nodes in 64usize..300,
     ) {
         let soup: Soup = if open { sheet(size) } else { torus(size) };
-        check(&collapse(&soup, tries, seed), &options(levels, page_nodes))?;
+        let forest = collapse(&soup, tries, seed);
+        let forest = if seed % 2 == 0 { forest } else { coloured(forest) };
+        check(&forest, &options(levels, page_nodes))?;
     }
 }
 
@@ -145,6 +147,8 @@ fn check_compact(forest: &Forest, options: &WriteOptions) -> Result<(), TestCase
     let alike = |a: OctNormal, b: OctNormal| a.to_vec3().angle_between(b.to_vec3()) < 0.00873;
     prop_assert_eq!(&back.base.faces, &forest.base.faces);
     prop_assert_eq!(back.base.vertices.len(), forest.base.vertices.len());
+    prop_assert_eq!(&back.base.colours, &forest.base.colours);
+    prop_assert_eq!(back.colours.len(), forest.colours.len());
     for (a, b) in std::iter::zip(&forest.base.vertices, &back.base.vertices) {
         prop_assert!(near(a.position, b.position) && alike(a.normal, b.normal));
     }
@@ -155,6 +159,7 @@ fn check_compact(forest: &Forest, options: &WriteOptions) -> Result<(), TestCase
     for &(a, b) in &pairs {
         let [was, is] = [&forest.nodes[a.index()], &back.nodes[b.index()]];
         prop_assert_eq!(is.order, ranks[a.index()]);
+        prop_assert_eq!(forest.colours.get(a.index()), back.colours.get(b.index()));
         prop_assert!(near(was.position, is.position));
         prop_assert!(alike(was.normal, is.normal));
         // Bounds hold what they held, with all that moved.
@@ -197,8 +202,61 @@ proptest! {
     ) {
         let soup: Soup = if open { sheet(size) } else { torus(size) };
         let error = PositionError::OfDiagonal(10f64.powi(-digits));
-        check_compact(&collapse(&soup, tries, seed), &compact(levels, page_nodes, error))?;
+        let forest = collapse(&soup, tries, seed);
+        let forest = if seed % 2 == 0 { forest } else { coloured(forest) };
+        check_compact(&forest, &compact(levels, page_nodes, error))?;
     }
+}
+
+#[test]
+fn what_has_no_colour_pays_nothing_and_one_colour_little() {
+    let plain = collapse(&torus(60), 100_000, 11);
+    let mut grey = plain.clone();
+    grey.colours = vec![[128, 128, 128, 255]; grey.nodes.len()];
+    grey.base.colours = vec![[128, 128, 128, 255]; grey.base.vertices.len()];
+    let folder = tempfile::tempdir().unwrap();
+    for options in [WriteOptions::default(), compact(4, 1024, PositionError::default())] {
+        let size = |forest: &Forest| {
+            let report = write(forest, folder.path().join("x.xfm"), &options).unwrap();
+            (report.bytes.colour, report.file_bytes, report.pages, report.bytes.header)
+        };
+        let (of_plain, of_grey) = (size(&plain), size(&grey));
+        assert_eq!(of_plain.0, 0);
+        assert_eq!(of_grey.3, of_plain.3 + 32);
+        let more = of_grey.1 - of_plain.1;
+        assert!(more <= 80 + 60 * of_grey.2, "{of_grey:?} {of_plain:?}");
+    }
+}
+
+#[test]
+fn smooth_colours_take_few_bits_where_they_are_compact() {
+    let forest = coloured(collapse(&torus(100), 300_000, 7));
+    let folder = tempfile::tempdir().unwrap();
+    let options = compact(4, 1024, PositionError::default());
+    let report = write(&forest, folder.path().join("x.xfm"), &options).unwrap();
+    // Six bits of them are noise, eight where alpha is noise, too.
+    let bits = 8.0 * report.bytes.colour as f64 / forest.nodes.len() as f64;
+    assert!(bits < 19.0, "{bits}");
+}
+
+#[test]
+fn colours_for_some_vertices_only_are_refused() {
+    let forest = coloured(collapse(&torus(8), 500, 3));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.xfm");
+    let spoiled = [
+        Forest { colours: forest.colours[1..].to_vec(), ..forest.clone() },
+        Forest { base: BaseMesh { colours: Vec::new(), ..forest.base.clone() }, ..forest.clone() },
+        Forest {
+            base: BaseMesh { colours: vec![[0; 4]], ..forest.base.clone() },
+            ..forest.clone()
+        },
+    ];
+    for forest in spoiled {
+        let error = write(&forest, &path, &WriteOptions::default()).unwrap_err();
+        assert!(error.to_string().contains("colours"), "{error}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 #[test]

@@ -5,8 +5,8 @@ mod common;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use common::{collapse, sheet, torus, unnumbered};
-use mergetree::{Dependencies, Forest, Front, HalfEdgeName, UpdateLimits};
+use common::{collapse, coloured, sheet, torus, unnumbered};
+use mergetree::{Colour, Dependencies, Forest, Front, HalfEdgeName, UpdateLimits};
 use xfm_format::{
     Encoding, Error, Place, PositionError, Report, WriteOptions, XfmFile, verify, write,
 };
@@ -192,7 +192,7 @@ fn forged_roots_are_found() {
 fn forged_compact_pages_are_borne() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.xfm");
-    write(&collapse(&torus(18), 4000, 3), &path, &compact_options()).unwrap();
+    write(&coloured(collapse(&torus(18), 4000, 3)), &path, &compact_options()).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let u64_at = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
     let u32_at = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
@@ -237,6 +237,7 @@ fn forged_compact_pages_are_borne() {
         "names a half-edge that cannot be",
         "sphere that reaches outside",
         "do not make",
+        "has a colour that cannot be",
     ] {
         assert!(found.iter().any(|m| m.contains(expected)), "{expected} not in {found:#?}");
     }
@@ -309,4 +310,42 @@ fn compact_files_of_every_version_stay_readable() {
         corners
     };
     assert_eq!(refined(back), refined(forest));
+}
+
+/// Colours that are the same on every machine, by the order of the collapse.
+fn golden_colour(order: u32) -> Colour {
+    [(3 * order) as u8, (7 * order) as u8, 99, 255 - (order % 3) as u8]
+}
+
+fn golden_coloured_forest() -> Forest {
+    let mut forest = golden_forest();
+    forest.colours = forest.nodes.iter().map(|node| golden_colour(node.order)).collect();
+    let base = 0..forest.base.vertices.len() as u32;
+    forest.base.colours = base.map(|v| golden_colour(1000 + v)).collect();
+    forest
+}
+
+#[test]
+fn coloured_files_of_every_version_stay_readable() {
+    let names = ["2-colour", "2-compact-colour"];
+    for (name, options) in names.into_iter().zip([options(), compact_options()]) {
+        let forest = golden_coloured_forest();
+        let file = XfmFile::open(golden(name)).unwrap();
+        assert_eq!((file.header().version, file.header().encoding), (2, options.encoding));
+        assert!(file.header().has_colour());
+        assert!(verify(&file, |_| {}).is_ok());
+        let back = file.read_forest().unwrap();
+        assert_eq!(back.base.colours, forest.base.colours);
+        // Down the trees, side by side.
+        let roots = std::iter::zip(&forest.base.vertices, &back.base.vertices);
+        let mut stack: Vec<_> = roots.filter_map(|(a, b)| a.root.zip(b.root)).collect();
+        let mut seen = 0;
+        while let Some((a, b)) = stack.pop() {
+            assert_eq!(back.colours[b.index()], forest.colours[a.index()]);
+            let [a, b] = [&forest.nodes[a.index()], &back.nodes[b.index()]];
+            stack.extend([a.left.zip(b.left), a.right.zip(b.right)].into_iter().flatten());
+            seen += 1;
+        }
+        assert_eq!(seen, forest.nodes.len());
+    }
 }

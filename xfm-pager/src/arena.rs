@@ -3,7 +3,7 @@
 //! A block has a few nodes of 64 aligned bytes; asking the allocator for each costs as much again as 120 bytes per block.
 //! Here they lie side by side in chunks, whose free nodes are bits.
 
-use mergetree::Node;
+use mergetree::{Colour, Node};
 
 /// Nodes per chunk: the bits of a `u128`.
 const CHUNK_NODES: usize = 128;
@@ -31,13 +31,30 @@ pub(crate) struct Arena {
     /// Chunks without memory.
     empty: Vec<u32>,
     num_used: usize,
+    /// Per chunk the colours of its nodes, where nodes have some.
+    colours: Option<Vec<Box<[Colour]>>>,
 }
 
 impl Arena {
+    /// An empty one, for nodes with colours or without.
+    pub fn new(has_colours: bool) -> Self {
+        Self { colours: has_colours.then(Vec::new), ..Self::default() }
+    }
+
+    /// Memory that a node takes.
+    pub fn node_bytes(&self) -> usize {
+        size_of::<Node>() + if self.colours.is_some() { size_of::<Colour>() } else { 0 }
+    }
+
+    /// Memory that a chunk's entries in tables take.
+    fn entry_bytes(&self) -> usize {
+        size_of::<Chunk>() + if self.colours.is_some() { size_of::<Box<[Colour]>>() } else { 0 }
+    }
+
     /// Memory taken.
     pub fn bytes(&self) -> usize {
-        (self.chunks.len() - self.empty.len()) * Self::chunk_bytes()
-            + self.chunks.capacity() * size_of::<Chunk>()
+        (self.chunks.len() - self.empty.len()) * self.chunk_bytes()
+            + self.chunks.capacity() * self.entry_bytes()
             + self.longest.capacity()
             + self.empty.capacity() * size_of::<u32>()
     }
@@ -45,11 +62,12 @@ impl Arena {
     /// The part of [`bytes`](Self::bytes) that is in chunks and not in use.
     pub fn free_bytes(&self) -> usize {
         let nodes = (self.chunks.len() - self.empty.len()) * CHUNK_NODES;
-        (nodes - self.num_used) * size_of::<Node>()
+        (nodes - self.num_used) * self.node_bytes()
     }
 
-    const fn chunk_bytes() -> usize {
-        CHUNK_NODES * size_of::<Node>() + CHUNK_OVERHEAD
+    fn chunk_bytes(&self) -> usize {
+        let overheads = if self.colours.is_some() { 2 } else { 1 };
+        CHUNK_NODES * self.node_bytes() + overheads * CHUNK_OVERHEAD
     }
 
     /// Memory that a run of this length would take more.
@@ -57,13 +75,13 @@ impl Arena {
         if self.with_longest.iter().skip(length).any(|&chunks| chunks > 0) {
             return 0;
         }
-        let one = size_of::<Chunk>() + 1 + size_of::<u32>();
+        let one = self.entry_bytes() + 1 + size_of::<u32>();
         let table = if self.empty.is_empty() && self.chunks.len() == self.chunks.capacity() {
             self.growth() * one
         } else {
             0
         };
-        Self::chunk_bytes() + table
+        self.chunk_bytes() + table
     }
 
     fn growth(&self) -> usize {
@@ -74,8 +92,13 @@ impl Arena {
         self.longest.iter().position(|&longest| usize::from(longest) >= length)
     }
 
-    /// Stores a run of nodes, at most 31, and says where.
-    pub fn insert(&mut self, nodes: &[Node]) -> u32 {
+    /// Whether a run of this length would get a place in a chunk before the one of `at`.
+    pub fn fits_before(&self, at: u32, length: usize) -> bool {
+        self.find(length).is_some_and(|chunk| chunk < at as usize / CHUNK_NODES)
+    }
+
+    /// Stores a run of nodes, at most 31, with their colours where nodes have some, and says where.
+    pub fn insert(&mut self, nodes: &[Node], colours: &[Colour]) -> u32 {
         debug_assert!((1..=MAX_RUN).contains(&nodes.len()));
         let index = self.find(nodes.len()).unwrap_or_else(|| self.grow());
         let chunk = &mut self.chunks[index];
@@ -85,13 +108,21 @@ impl Arena {
         let longest = longest_free_run(chunk.used);
         self.set_longest(index, longest);
         self.num_used += nodes.len();
+        let into = self.colours.as_mut().and_then(|all| all[index].get_mut(start..));
+        for (into, colour) in into.unwrap_or_default().iter_mut().zip(colours) {
+            *into = *colour;
+        }
         (index * CHUNK_NODES + start) as u32
     }
 
     fn grow(&mut self) -> usize {
         let nodes = vec![Node::BLANK; CHUNK_NODES].into_boxed_slice();
         let chunk = Chunk { nodes, used: 0 };
+        let blank = || vec![[u8::MAX; 4]; CHUNK_NODES].into_boxed_slice();
         if let Some(index) = self.empty.pop() {
+            if let Some(colours) = &mut self.colours {
+                colours[index as usize] = blank();
+            }
             self.chunks[index as usize] = chunk;
             return index as usize;
         }
@@ -101,6 +132,12 @@ impl Arena {
             let capacity = self.chunks.capacity();
             self.longest.reserve_exact(capacity - self.longest.len());
             self.empty.reserve_exact(capacity - self.empty.len());
+            if let Some(colours) = &mut self.colours {
+                colours.reserve_exact(capacity - colours.len());
+            }
+        }
+        if let Some(colours) = &mut self.colours {
+            colours.push(blank());
         }
         self.chunks.push(chunk);
         self.longest.push(0);
@@ -116,6 +153,9 @@ impl Arena {
         self.num_used -= length;
         if chunk.used == 0 {
             chunk.nodes = Box::default();
+            if let Some(colours) = &mut self.colours {
+                colours[index] = Box::default();
+            }
             self.set_longest(index, 0);
             self.empty.push(index as u32);
         } else {
@@ -134,6 +174,13 @@ impl Arena {
     #[inline]
     pub fn get(&self, at: u32) -> Option<&Node> {
         self.chunks.get(at as usize / CHUNK_NODES)?.nodes.get(at as usize % CHUNK_NODES)
+    }
+
+    /// The colours of a run, or none.
+    pub fn colours(&self, at: u32, length: usize) -> &[Colour] {
+        let (index, start) = (at as usize / CHUNK_NODES, at as usize % CHUNK_NODES);
+        let chunk = self.colours.as_ref().and_then(|all| all.get(index));
+        chunk.and_then(|chunk| chunk.get(start..start + length)).unwrap_or_default()
     }
 
     /// The node in a place, to be changed.
@@ -209,7 +256,13 @@ mod tests {
 
     #[test]
     fn runs_come_back_unharmed_and_memory_is_given_back() {
-        let mut arena = Arena::default();
+        for has_colours in [false, true] {
+            insert_and_remove(Arena::new(has_colours));
+        }
+    }
+
+    fn insert_and_remove(mut arena: Arena) {
+        let colour = |node: &Node| node.order.to_le_bytes();
         let mut runs: Vec<(u32, Vec<Node>)> = Vec::new();
         let mut state = 7u64;
         for step in 0..4000u32 {
@@ -221,7 +274,8 @@ mod tests {
                     .collect();
                 let cost = arena.cost(nodes.len());
                 let before = arena.bytes();
-                runs.push((arena.insert(&nodes), nodes));
+                let colours: Vec<_> = nodes.iter().map(colour).collect();
+                runs.push((arena.insert(&nodes, &colours), nodes));
                 assert!(arena.bytes() <= before + cost);
             } else {
                 let (at, nodes) = runs.swap_remove(random / 3 % runs.len());
@@ -232,6 +286,8 @@ mod tests {
                 for (at, nodes) in &runs {
                     for (rank, node) in nodes.iter().enumerate() {
                         assert_eq!(arena.get(*at + rank as u32), Some(node));
+                        let found = arena.colours(*at + rank as u32, 1);
+                        assert!(found == [colour(node)] || arena.colours.is_none());
                     }
                 }
             }

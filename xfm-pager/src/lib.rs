@@ -36,8 +36,9 @@
 //! ```
 
 mod arena;
-mod cache;
+mod directory;
 mod error;
+mod loader;
 mod options;
 mod pager;
 mod resident;
@@ -47,5 +48,5 @@ mod stats;
 pub use error::{Error, Problem};
 pub use options::PagerOptions;
 pub use pager::Pager;
-pub use session::{Detail, FrameStats, Session};
+pub use session::{Detail, FrameStats, Session, SessionOptions};
 pub use stats::{Counters, PagerStats};

@@ -1,4 +1,4 @@
-//! How much memory a pager may take.
+//! How much memory a pager may take, and who reads for it.
 
 /// What a pager may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,14 +10,22 @@ pub struct PagerOptions {
     pub soft_quota_bytes: usize,
     /// Memory never exceeds so many bytes: what would is not loaded. Default 512 MiB.
     pub hard_quota_bytes: usize,
-    /// Inflated pages kept because more of their blocks may be wanted soon, at least 1, in no more than a quarter of the
-    /// soft quota. All but one of them go first when memory is short. Default 256.
-    pub cached_pages: usize,
+    /// Threads that read and unpack pages while the caller goes on. With 0 a page is read when one of its nodes is
+    /// requested, and the request waits for it. Default 0; [`PagerOptions::loaders_for_this_machine`] leaves a core to the
+    /// caller.
+    pub loaders: usize,
+    /// Pages that a frame takes over from the loaders at most: what bounds the time that takes. Default 24.
+    pub pages_per_frame: usize,
 }
 
 impl Default for PagerOptions {
     fn default() -> Self {
-        Self { soft_quota_bytes: 256 << 20, hard_quota_bytes: 512 << 20, cached_pages: 256 }
+        Self {
+            soft_quota_bytes: 256 << 20,
+            hard_quota_bytes: 512 << 20,
+            loaders: 0,
+            pages_per_frame: 24,
+        }
     }
 }
 
@@ -25,5 +33,17 @@ impl PagerOptions {
     /// The default options with these quotas, in bytes.
     pub fn with_quotas(soft_quota_bytes: usize, hard_quota_bytes: usize) -> Self {
         Self { soft_quota_bytes, hard_quota_bytes, ..Self::default() }
+    }
+
+    /// The same with so many threads that read.
+    #[must_use]
+    pub fn with_loaders(self, loaders: usize) -> Self {
+        Self { loaders, ..self }
+    }
+
+    /// One to four threads, a core fewer than there are where that is possible.
+    pub fn loaders_for_this_machine() -> usize {
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        cores.saturating_sub(1).clamp(1, 4)
     }
 }

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::time::Instant;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
-use mergetree::{BaseMesh, Node, NodeId, NodeStore, SlotId};
-use xfm_format::{BlockId, Numbering, XfmFile};
+use mergetree::{BaseMesh, Colour, Node, NodeId, NodeStore, SlotId};
+use rustc_hash::{FxBuildHasher, FxHashSet};
+use xfm_format::{BlockId, Numbering, Page, PageReader, XfmFile};
 
-use crate::cache::PageCache;
+use crate::loader::{Loader, Want};
 use crate::resident::Residents;
 use crate::{Counters, Error, PagerOptions, PagerStats, Problem};
 
@@ -21,25 +23,98 @@ const DAMAGED: u8 = u8::MAX;
 /// A block is loaded when one of its nodes is [requested](NodeStore::request), and may go again once none of them is split
 /// and none was requested or looked at for a whole frame. The blocks of the roots are always there.
 ///
+/// With [loaders](PagerOptions::loaders) a request is noted, and answered in a later frame: [`end_frame`](Self::end_frame)
+/// passes on what was requested since [`begin_frame`](Self::begin_frame), which takes over what has come. What is not
+/// requested again is not read any more.
+///
 /// The memory of [`PagerStats::resident_bytes`] never exceeds the hard quota. When it is used up by blocks in use,
 /// requests are refused, and the front stays as coarse there as it is.
 ///
 /// A page that is damaged is noted among the [problems](Self::problems), once, and its nodes are never resident. A page
 /// that the operating system does not give is tried three times, in three frames.
 pub struct Pager {
-    file: XfmFile,
+    file: Arc<XfmFile>,
     options: PagerOptions,
     residents: Residents,
-    cache: PageCache,
+    source: Source,
     /// Per page the number of attempts that failed, or [`DAMAGED`], and the frame of the last one.
     failures: Vec<(u8, u32)>,
     problems: Vec<Problem>,
+    /// Blocks requested in this frame that were not there.
+    requested: FxHashSet<BlockId>,
+    /// Per page the urgency it was requested with in this frame, below 0 if it was not.
+    urgencies: Vec<f32>,
+    /// Memory that the largest page takes.
+    page_bytes: usize,
+    wanted: Vec<u32>,
     frame: Counters,
     total: Counters,
     peak_bytes: usize,
     /// Frame in which no block was found that could go; none will be before the next.
     exhausted: Option<u32>,
+    thrift: Thrift,
 }
+
+/// Whether loading is of any use while memory is used up: what is loaded and goes again before anything is split is not.
+#[derive(Debug)]
+struct Thrift {
+    /// Most nodes that were in blocks that must stay, since the view changed.
+    most_held: usize,
+    /// Fewest there were when loading was stopped.
+    stopped_at: usize,
+    /// Frames in which requests were refused since there were more than ever.
+    futile: u32,
+    is_stopped: bool,
+}
+
+impl Thrift {
+    /// So many frames without any gain are enough.
+    const ENOUGH: u32 = 16;
+
+    fn new() -> Self {
+        Self { most_held: 0, stopped_at: usize::MAX, futile: 0, is_stopped: false }
+    }
+
+    /// Stopped, it goes on when clearly fewer blocks must stay than ever when it was stopped: so it stops for good.
+    fn observe(&mut self, held: usize, refusals: u64) {
+        if self.is_stopped {
+            if held < self.stopped_at / 10 * 9 {
+                self.is_stopped = false;
+                self.futile = 0;
+            }
+        } else if held > self.most_held {
+            self.most_held = held;
+            self.futile = 0;
+        } else if refusals > 0 {
+            self.futile += 1;
+            if self.futile == Self::ENOUGH {
+                self.is_stopped = true;
+                self.stopped_at = self.stopped_at.min(held);
+            }
+        }
+    }
+}
+
+/// Who reads pages.
+enum Source {
+    Caller(Box<AtOnce>),
+    Loaders(Loader),
+}
+
+/// Whoever requests a node reads its page, one at a time.
+struct AtOnce {
+    reader: PageReader,
+    page: Page,
+    /// What is in `page`.
+    number: Option<usize>,
+    /// Memory that all this takes at most.
+    bytes: usize,
+}
+
+/// In place of an urgency: not requested.
+const UNWANTED: f32 = -1.0;
+/// So many blocks are asked for in a frame at most; the front asks for the most urgent first.
+const MAX_REQUESTS: usize = 4096;
 
 impl std::fmt::Debug for Pager {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -63,29 +138,48 @@ impl Pager {
     /// As [`open`](Self::open).
     pub fn new(file: XfmFile, mut options: PagerOptions) -> Result<Self, Error> {
         options.soft_quota_bytes = options.soft_quota_bytes.min(options.hard_quota_bytes);
-        let cache = PageCache::new(&file)?;
-        let residents = Residents::new(file.numbering(), file.num_blocks());
-        let failures = vec![(0, 0); file.num_pages()];
+        let file = Arc::new(file);
+        let source = Source::Caller(Box::new(AtOnce {
+            reader: file.page_reader()?,
+            page: Page::new(),
+            number: None,
+            bytes: file.largest_page_bytes().iter().sum(),
+        }));
+        // Without loaders there is one at a time.
+        let most_requests = if options.loaders == 0 { 1 } else { MAX_REQUESTS };
         let mut pager = Self {
-            residents,
-            cache,
-            failures,
+            residents: Residents::new(
+                file.numbering(),
+                file.num_blocks(),
+                file.header().has_colour(),
+            ),
+            source,
+            failures: vec![(0, 0); file.num_pages()],
             problems: Vec::new(),
+            requested: FxHashSet::with_capacity_and_hasher(most_requests, FxBuildHasher),
+            urgencies: vec![UNWANTED; file.num_pages()],
+            wanted: Vec::with_capacity(most_requests),
+            page_bytes: file.largest_page_bytes()[0],
             frame: Counters::default(),
             total: Counters::default(),
             peak_bytes: 0,
             exhausted: None,
+            thrift: Thrift::new(),
             options,
             file,
         };
         // In order, so that every page is read once.
         let roots: BTreeSet<BlockId> =
             pager.file.base().roots().map(|root| pager.numbering().block(root)).collect();
-        let begin = Instant::now();
-        let mut minimum = pager.resident_bytes();
-        for block in roots {
-            minimum += pager.load_root(block, minimum);
-        }
+        roots.into_iter().for_each(|block| pager.load_root(block));
+        let resident = pager.resident_bytes();
+        let loaders = |pages| match options.loaders {
+            0 => 0,
+            threads => {
+                Loader::cost(&pager.file, threads, pages).saturating_sub(pager.source_bytes())
+            }
+        };
+        let minimum = resident + loaders(pager.pages_in_flight(0));
         if minimum > options.hard_quota_bytes {
             return Err(Error::QuotaTooSmall {
                 file: pager.file.path().into(),
@@ -93,26 +187,34 @@ impl Pager {
                 hard_quota_bytes: options.hard_quota_bytes,
             });
         }
-        pager.frame.load_time += begin.elapsed();
+        if options.loaders > 0 {
+            let pages = pager.pages_in_flight(options.hard_quota_bytes - minimum);
+            let loader = Loader::start(Arc::clone(&pager.file), options.loaders, pages)?;
+            pager.source = Source::Loaders(loader);
+        }
         pager.note_peak();
         Ok(pager)
     }
 
-    /// Loads the block of a root, if there is room; returns what it costs in any case.
-    fn load_root(&mut self, block: BlockId, used: usize) -> usize {
-        let Some(number) = self.file.block_page(block) else { return 0 };
-        if self.is_lost(number) || self.cache.find(number).is_none() && !self.read_page(number) {
-            return 0;
+    /// Pages that loaders may hold: so many that they never wait for a frame, where a sixteenth of the memory left is
+    /// enough for that.
+    fn pages_in_flight(&self, left: usize) -> usize {
+        let page = self.page_bytes;
+        let least = self.options.loaders + 1;
+        (left / 16 / page.max(1)).min(self.options.pages_per_frame).max(least)
+    }
+
+    /// Loads the block of a root.
+    fn load_root(&mut self, block: BlockId) {
+        let Some(number) = self.file.block_page(block) else { return };
+        if self.is_lost(number) || !self.read_page(number) {
+            return;
         }
-        let Some(block) = self.cache.find(number).and_then(|page| page.block(block)) else {
-            return 0;
-        };
-        let cost = self.residents.cost(block.nodes.len());
-        if used + cost <= self.options.hard_quota_bytes {
+        let Source::Caller(at_once) = &self.source else { return };
+        if let Some(block) = at_once.page.block(block) {
             self.residents.insert(&block, true);
             self.frame.loads += 1;
         }
-        cost
     }
 
     /// The file.
@@ -123,6 +225,20 @@ impl Pager {
     /// The options, as they are obeyed.
     pub fn options(&self) -> PagerOptions {
         self.options
+    }
+
+    /// Changes the quotas, from the next frame on. A hard quota below what is [held](PagerStats::held_bytes) is obeyed as
+    /// soon as the front lets go.
+    pub fn set_quotas(&mut self, soft_quota_bytes: usize, hard_quota_bytes: usize) {
+        self.options.hard_quota_bytes = hard_quota_bytes;
+        self.options.soft_quota_bytes = soft_quota_bytes.min(hard_quota_bytes);
+        self.exhausted = None;
+        self.view_changed();
+        let others = self.other_bytes() - self.source_bytes() + self.residents.held_bytes();
+        let pages = self.pages_in_flight(hard_quota_bytes.saturating_sub(others));
+        if let Source::Loaders(loader) = &mut self.source {
+            loader.resize(pages);
+        }
     }
 
     /// How node ids are made of block and slot.
@@ -140,11 +256,25 @@ impl Pager {
     /// # Units
     /// Bytes.
     pub fn resident_bytes(&self) -> usize {
+        self.other_bytes() + self.residents.bytes()
+    }
+
+    /// What is not nodes and how to find them.
+    fn other_bytes(&self) -> usize {
         size_of::<Self>()
             + self.file.memory_bytes()
             + size_of_val(&self.failures[..])
-            + self.residents.bytes()
-            + self.cache.bytes()
+            + size_of_val(&self.urgencies[..])
+            + self.requested.capacity() * (size_of::<BlockId>() + 2)
+            + self.wanted.capacity() * size_of::<u32>()
+            + self.source_bytes()
+    }
+
+    fn source_bytes(&self) -> usize {
+        match &self.source {
+            Source::Caller(at_once) => at_once.bytes,
+            Source::Loaders(loader) => loader.bytes(),
+        }
     }
 
     /// The blocks that are resident, in no particular order. Does not count as looking at them.
@@ -165,125 +295,131 @@ impl Pager {
     pub fn stats(&self) -> PagerStats {
         let mut total = self.total;
         total.add(&self.frame);
+        let [queued, reading, done] = match &self.source {
+            Source::Caller(_) => [0; 3],
+            Source::Loaders(loader) => loader.queue(),
+        };
         PagerStats {
             resident_blocks: self.residents.num_blocks(),
             resident_nodes: self.residents.num_nodes(),
             resident_bytes: self.resident_bytes(),
             used_bytes: self.used_bytes(),
             peak_bytes: self.peak_bytes,
+            held_bytes: self.other_bytes() + self.residents.held_bytes(),
             damaged_pages: self.problems.len(),
+            queued_pages: queued,
+            pages_in_flight: reading + done,
             frame: self.frame,
             total,
         }
     }
 
-    /// Begins a frame: blocks that the last one did not use go until the soft quota is met.
+    /// Begins a frame: blocks that the last one did not use go until the soft quota is met, and pages that have come are
+    /// taken over.
     ///
     /// To be called before every update of the front: without frames nothing is ever removed.
     pub fn begin_frame(&mut self) {
+        let begin = Instant::now();
+        self.thrift.observe(self.residents.num_held_nodes(), self.frame.refusals);
         self.total.add(&std::mem::take(&mut self.frame));
-        while self.used_bytes() > self.options.soft_quota_bytes && self.cache.shrink() {}
         let last_frame = self.residents.clock;
-        let others = self.resident_bytes() - self.residents.bytes();
+        let others = self.other_bytes();
         let soft = self.options.soft_quota_bytes;
         let evicted = self.residents.evict(last_frame, |residents| {
             others + residents.bytes() - residents.free_bytes() > soft
         });
         self.frame.evictions += evicted as u64;
+        if self.resident_bytes() > self.options.hard_quota_bytes {
+            // The quota was lowered: what is used has to be in fewer chunks of memory.
+            self.residents.compact();
+        }
         self.residents.clock += 1;
+        self.take_over();
+        self.requested.clear();
+        self.frame.handover_time += begin.elapsed();
     }
 
-    /// Frees memory until `needed` more bytes fit under the hard quota. Returns whether they do.
-    fn make_room(&mut self, needed: impl Fn(&Residents) -> usize) -> bool {
-        let hard = self.options.hard_quota_bytes;
-        let fits = |pager: &Self| pager.resident_bytes() + needed(&pager.residents) <= hard;
-        while !fits(self) && self.cache.shrink() {}
-        if fits(self) {
-            return true;
+    /// Ends a frame: what was requested in it goes to the loaders, in place of what the last one requested.
+    ///
+    /// To be called after every update of the front. Without loaders there is nothing to do.
+    pub fn end_frame(&mut self) {
+        let urgencies = &mut self.urgencies;
+        let wants = self.wanted.drain(..).map(|page| {
+            let urgency = std::mem::replace(&mut urgencies[page as usize], UNWANTED);
+            Want { page, urgency }
+        });
+        if let Source::Loaders(loader) = &self.source {
+            loader.ask(wants.collect());
         }
-        let clock = self.residents.clock;
-        if self.exhausted != Some(clock) {
-            let others = self.resident_bytes() - self.residents.bytes();
-            // What the last frame looked at may be looked at again in this one.
-            let evicted = self.residents.evict(clock.saturating_sub(1), |residents| {
-                others + residents.bytes() + needed(residents) > hard
-            });
-            self.frame.evictions += evicted as u64;
-        }
-        let fits = fits(self);
-        if !fits {
-            self.exhausted = Some(clock);
-        }
-        fits
     }
 
-    /// Loads a block that is not resident. Returns whether it is now.
-    fn load(&mut self, block: BlockId) -> bool {
-        let Some(number) = self.file.block_page(block) else { return false };
-        if self.is_lost(number) {
-            return false;
+    /// Tells that what is wanted has changed: where memory was used up and loading of no use, it may be now.
+    pub fn view_changed(&mut self) {
+        self.thrift = Thrift::new();
+    }
+
+    /// Waits until a page has come that was asked for, nothing is asked for any more, or the time is over.
+    pub fn wait(&self, most: Duration) {
+        if let Source::Loaders(loader) = &self.source {
+            loader.wait(most);
         }
-        let inflated = self.cache.find(number).is_some();
-        if !inflated {
-            // Whether the block fits shows once its page is unpacked: done only if a full one does.
-            let slots = self.numbering().slots() as usize;
-            if !self.make_room(|residents| residents.cost(slots)) {
-                self.frame.refusals += 1;
-                return false;
+    }
+
+    /// Whether nothing that was asked for is still to come.
+    pub fn is_idle(&self) -> bool {
+        match &self.source {
+            Source::Caller(_) => true,
+            Source::Loaders(loader) => loader.queue() == [0; 3],
+        }
+    }
+
+    /// Takes over what the loaders have read.
+    fn take_over(&mut self) {
+        let Source::Loaders(loader) = &self.source else { return };
+        let mut loaded = loader.take(self.options.pages_per_frame);
+        for loaded in &mut loaded {
+            self.frame.load_time += loaded.time;
+            self.count_read(loaded.number);
+            match loaded.error.take() {
+                None => self.keep_blocks(&loaded.page),
+                Some(error) => self.note_failure(loaded.number, error),
             }
-            self.grow_cache();
-            if !self.read_page(number) {
-                return false;
-            }
         }
-        let found = self.cache.find(number).and_then(|page| page.block(block));
-        let Some(num_nodes) = found.map(|block| block.nodes.len()) else { return false };
-        // The page wanted was used last, and goes last.
-        if !self.make_room(|residents| residents.cost(num_nodes)) {
-            self.frame.refusals += 1;
-            return false;
-        }
-        let Some(block) = self.cache.find(number).and_then(|page| page.block(block)) else {
-            return false;
-        };
-        // A root's block comes here only when it could not be read at first.
-        self.residents.insert(&block, block.parent().is_none());
-        self.frame.loads += 1;
-        if inflated {
-            self.frame.page_hits += 1;
-        } else {
-            self.read_ahead(number);
+        if let Source::Loaders(loader) = &self.source {
+            loader.recycle(loaded);
         }
         self.note_peak();
-        true
     }
 
-    /// Makes room for another page where a quarter of the soft quota is not taken by pages.
-    fn grow_cache(&mut self) {
-        let cost = self.cache.cost();
-        let pages = (self.cache.len() + 1) * cost;
-        // A block of any size must still fit.
-        let all = self.resident_bytes() + cost + self.residents.cost(31);
-        if self.cache.len() < self.options.cached_pages
-            && pages <= self.options.soft_quota_bytes / 4
-            && all <= self.options.hard_quota_bytes
-        {
-            self.cache.grow();
+    /// Keeps the blocks of a page that were requested, as far as there is room for them, and the others while memory is
+    /// plenty: unpacking the page again would cost more.
+    fn keep_blocks(&mut self, page: &Page) {
+        for block in page.blocks() {
+            if self.requested.contains(&block.id) && !self.residents.contains(block.id) {
+                let num_nodes = block.nodes.len();
+                if self.make_room(num_nodes) {
+                    // A root's block comes here only when it could not be read at first.
+                    self.residents.insert(&block, block.parent().is_none());
+                    self.frame.loads += 1;
+                } else {
+                    self.frame.refusals += 1;
+                }
+            }
         }
+        self.read_ahead(page);
     }
 
-    /// Keeps the other blocks of a page too, as long as memory is plenty: unpacking it again would cost more.
-    fn read_ahead(&mut self, number: usize) {
+    fn read_ahead(&mut self, page: &Page) {
         let plenty = self.options.soft_quota_bytes / 4 * 3;
-        let others = self.resident_bytes() - self.residents.bytes();
-        let Some(page) = self.cache.find(number) else { return };
+        let others = self.other_bytes();
         for block in page.blocks() {
             let residents = &mut self.residents;
             if residents.contains(block.id) {
                 continue;
             }
             // A run of nodes that is free is in use afterwards.
-            let cost = residents.cost(block.nodes.len()).max(size_of_val(block.nodes));
+            let bytes = size_of_val(block.nodes) + size_of_val(block.colours);
+            let cost = residents.cost(block.nodes.len()).max(bytes);
             if others + residents.bytes() + cost > plenty {
                 break;
             }
@@ -292,27 +428,101 @@ impl Pager {
         }
     }
 
+    /// Frees memory until a block of so many nodes fits under the hard quota. Returns whether it does.
+    fn make_room(&mut self, num_nodes: usize) -> bool {
+        let hard = self.options.hard_quota_bytes;
+        let others = self.other_bytes();
+        let fits =
+            |residents: &Residents| others + residents.bytes() + residents.cost(num_nodes) <= hard;
+        if fits(&self.residents) {
+            return true;
+        }
+        let clock = self.residents.clock;
+        if self.exhausted != Some(clock) {
+            // What the last frame looked at may be looked at again in this one.
+            let evicted =
+                self.residents.evict(clock.saturating_sub(1), |residents| !fits(residents));
+            self.frame.evictions += evicted as u64;
+        }
+        let fits = fits(&self.residents);
+        if !fits {
+            self.exhausted = Some(clock);
+        }
+        fits
+    }
+
+    /// Loads a block that is not resident, or notes that it is wanted. Returns whether it is resident now.
+    fn load(&mut self, block: BlockId, urgency: f32) -> bool {
+        let Some(number) = self.file.block_page(block) else { return false };
+        if self.is_lost(number) {
+            return false;
+        }
+        // Whether the block fits shows once its page is unpacked: done only if a full one does.
+        let slots = self.numbering().slots() as usize;
+        if self.thrift.is_stopped || !self.make_room(slots) {
+            self.frame.refusals += 1;
+            return false;
+        }
+        if self.requested.len() == MAX_REQUESTS {
+            return false;
+        }
+        self.requested.insert(block);
+        if let Source::Loaders(_) = &self.source {
+            let noted = &mut self.urgencies[number];
+            if *noted == UNWANTED {
+                self.wanted.push(number as u32);
+            }
+            *noted = noted.max(urgency.max(0.0));
+            return false;
+        }
+        if !self.read_page(number) {
+            return false;
+        }
+        let begin = Instant::now();
+        let Source::Caller(at_once) = &mut self.source else { return false };
+        let page = std::mem::take(&mut at_once.page);
+        self.keep_blocks(&page);
+        if let Source::Caller(at_once) = &mut self.source {
+            at_once.page = page;
+        }
+        self.requested.clear();
+        self.note_peak();
+        self.frame.handover_time += begin.elapsed();
+        self.residents.contains(block)
+    }
+
     fn is_lost(&self, page: usize) -> bool {
         let (failures, frame) = self.failures[page];
         failures == DAMAGED || failures > 0 && frame == self.residents.clock
     }
 
-    /// Reads a page into the cache; notes it when that fails for good.
-    fn read_page(&mut self, number: usize) -> bool {
+    /// Reads a page on this thread, unless it is the one read last; notes it when that fails for good.
+    fn read_page(&mut self, wanted: usize) -> bool {
+        let Source::Caller(at_once) = &mut self.source else { return false };
+        let AtOnce { reader, page, number, .. } = &mut **at_once;
+        if *number == Some(wanted) {
+            return true;
+        }
+        let begin = Instant::now();
+        let result = self.file.read_page_into(wanted, reader, page);
+        *number = result.is_ok().then_some(wanted);
+        self.frame.load_time += begin.elapsed();
+        self.count_read(wanted);
+        result.map_err(|error| self.note_failure(wanted, error)).is_ok()
+    }
+
+    fn count_read(&mut self, page: usize) {
         self.frame.pages_inflated += 1;
-        self.frame.bytes_read += self.file.page_bytes(number).unwrap_or_default();
-        match self.cache.read(&self.file, number) {
-            Ok(_) => true,
-            Err(error) => {
-                let (failures, frame) = &mut self.failures[number];
-                *failures += 1;
-                *frame = self.residents.clock;
-                if *failures >= ATTEMPTS || !matches!(error, xfm_format::Error::Io { .. }) {
-                    *failures = DAMAGED;
-                    self.problems.push(Problem { page: number, error });
-                }
-                false
-            }
+        self.frame.bytes_read += self.file.page_bytes(page).unwrap_or_default();
+    }
+
+    fn note_failure(&mut self, page: usize, error: xfm_format::Error) {
+        let (failures, frame) = &mut self.failures[page];
+        *failures += 1;
+        *frame = self.residents.clock;
+        if *failures >= ATTEMPTS || !matches!(error, xfm_format::Error::Io { .. }) {
+            *failures = DAMAGED;
+            self.problems.push(Problem { page, error });
         }
     }
 
@@ -355,21 +565,30 @@ impl NodeStore for Pager {
         self.residents.node(id)
     }
 
-    /// Loads the node's block at once, whatever the urgency.
-    fn request(&mut self, id: NodeId, _urgency: f32) -> bool {
+    fn colour(&self, id: NodeId) -> Option<Colour> {
+        self.residents.colour(id)
+    }
+
+    /// Without loaders reads the node's block at once, whatever the urgency; with them notes that it is wanted.
+    fn request(&mut self, id: NodeId, urgency: f32) -> bool {
         let block = self.numbering().block(id);
         if self.residents.contains(block) {
             self.frame.hits += 1;
         } else {
             self.frame.misses += 1;
-            let begin = Instant::now();
-            let loaded = self.load(block);
-            self.frame.load_time += begin.elapsed();
-            if !loaded {
+            if !self.load(block, urgency) {
                 return false;
             }
         }
         self.residents.node(id).is_some()
+    }
+
+    fn is_lost(&self, id: NodeId) -> bool {
+        if self.problems.is_empty() || self.residents.node(id).is_some() {
+            return false;
+        }
+        let page = self.file.block_page(self.numbering().block(id));
+        page.is_none_or(|page| self.failures[page].0 == DAMAGED)
     }
 
     fn set_slot(&mut self, id: NodeId, slot: Option<SlotId>) {

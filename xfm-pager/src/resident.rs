@@ -2,10 +2,11 @@
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use mergetree::{Node, NodeId, SlotId};
+use mergetree::{Colour, Node, NodeId, SlotId};
 use xfm_format::{Block, BlockId, Numbering};
 
 use crate::arena::Arena;
+use crate::directory::Directory;
 
 const NONE: u32 = u32::MAX;
 
@@ -46,14 +47,14 @@ impl Resident {
 #[derive(Debug)]
 pub(crate) struct Residents {
     numbering: Numbering,
-    /// Per block of the file one more than its entry, or 0.
-    directory: Vec<u32>,
+    directory: Directory,
     entries: Vec<Resident>,
     arena: Arena,
     free: u32,
     oldest: u32,
     newest: u32,
     num_listed: usize,
+    num_listed_nodes: usize,
     num_blocks: usize,
     num_nodes: usize,
     /// The present frame.
@@ -61,17 +62,18 @@ pub(crate) struct Residents {
 }
 
 impl Residents {
-    pub fn new(numbering: Numbering, num_blocks: usize) -> Self {
+    /// None yet, of a file whose nodes have colours or not.
+    pub fn new(numbering: Numbering, num_blocks: usize, has_colours: bool) -> Self {
         Self {
             numbering,
-            // Pages of it that are never touched take no memory.
-            directory: vec![0; num_blocks],
+            directory: Directory::new(num_blocks),
             entries: Vec::new(),
-            arena: Arena::default(),
+            arena: Arena::new(has_colours),
             free: NONE,
             oldest: NONE,
             newest: NONE,
             num_listed: 0,
+            num_listed_nodes: 0,
             num_blocks: 0,
             num_nodes: 0,
             clock: 0,
@@ -94,7 +96,7 @@ impl Residents {
 
     /// Memory taken.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.directory[..])
+        self.directory.bytes()
             + self.entries.capacity() * size_of::<Resident>()
             + self.arena.bytes()
     }
@@ -105,10 +107,22 @@ impl Residents {
         free * size_of::<Resident>() + self.arena.free_bytes()
     }
 
+    /// Nodes in blocks that must not go.
+    pub fn num_held_nodes(&self) -> usize {
+        self.num_nodes - self.num_listed_nodes
+    }
+
+    /// The part of [`bytes`](Self::bytes) that is in blocks that must not go: those with a split node, and those of roots.
+    pub fn held_bytes(&self) -> usize {
+        let nodes = self.num_held_nodes();
+        let blocks = self.num_blocks - self.num_listed;
+        self.directory.bytes() + nodes * self.arena.node_bytes() + blocks * size_of::<Resident>()
+    }
+
     /// Memory that a block of so many nodes would take more.
     pub fn cost(&self, num_nodes: usize) -> usize {
         let entries = if self.is_full() { self.growth() * size_of::<Resident>() } else { 0 };
-        entries + self.arena.cost(num_nodes)
+        entries + Directory::cost() + self.arena.cost(num_nodes)
     }
 
     fn is_full(&self) -> bool {
@@ -120,18 +134,25 @@ impl Residents {
     }
 
     pub fn contains(&self, block: BlockId) -> bool {
-        self.directory.get(block.index()).is_some_and(|&entry| entry != 0)
+        self.directory.get(block.index()).is_some()
     }
 
     /// The node, if it is in memory.
     #[inline]
     pub fn node(&self, id: NodeId) -> Option<&Node> {
-        let entry = *self.directory.get(self.numbering.block(id).index())?;
-        let resident = self.entries.get((entry as usize).wrapping_sub(1))?;
+        let entry = self.directory.get(self.numbering.block(id).index())?;
+        let resident = self.entries.get(entry as usize)?;
         if resident.last_used.load(Relaxed) != self.clock {
             resident.last_used.store(self.clock, Relaxed);
         }
         self.arena.get(resident.place(self.numbering.slot(id))?)
+    }
+
+    /// The colour of a node, if it is in memory and has one.
+    pub fn colour(&self, id: NodeId) -> Option<Colour> {
+        let entry = self.directory.get(self.numbering.block(id).index())?;
+        let place = self.entries.get(entry as usize)?.place(self.numbering.slot(id))?;
+        self.arena.colours(place, 1).first().copied()
     }
 
     /// Takes a block that is not in memory yet. A pinned one stays.
@@ -141,7 +162,7 @@ impl Residents {
             self.entries.reserve_exact(self.growth());
         }
         let resident = Resident {
-            nodes: self.arena.insert(block.nodes),
+            nodes: self.arena.insert(block.nodes, block.colours),
             block: block.id.get(),
             last_used: AtomicU32::new(self.clock),
             listed: self.clock,
@@ -160,7 +181,7 @@ impl Residents {
             self.entries[entry as usize] = resident;
             entry
         };
-        self.directory[block.id.index()] = entry + 1;
+        self.directory.insert(block.id.index(), entry);
         self.num_blocks += 1;
         self.num_nodes += block.nodes.len();
         if !pinned {
@@ -170,8 +191,8 @@ impl Residents {
 
     /// Notes whether a node is split.
     pub fn set_slot(&mut self, id: NodeId, slot: Option<SlotId>) {
-        let entry = self.directory.get(self.numbering.block(id).index()).map_or(0, |&entry| entry);
-        let entry = entry.checked_sub(1).unwrap_or_else(|| panic!("node {id} is not resident"));
+        let entry = self.directory.get(self.numbering.block(id).index());
+        let entry = entry.unwrap_or_else(|| panic!("node {id} is not resident"));
         let resident = &mut self.entries[entry as usize];
         let node = resident
             .place(self.numbering.slot(id))
@@ -213,13 +234,38 @@ impl Residents {
         evicted
     }
 
+    /// Moves blocks from the last chunks of memory into holes of the first ones, so that chunks become free.
+    ///
+    /// # Complexity
+    /// Linear in the number of blocks, but for a sort.
+    pub fn compact(&mut self) {
+        let live = (0..self.entries.len() as u32)
+            .filter(|&entry| self.entries[entry as usize].num_nodes > 0);
+        let mut entries: Vec<u32> = live.collect();
+        entries
+            .sort_unstable_by_key(|&entry| std::cmp::Reverse(self.entries[entry as usize].nodes));
+        let mut nodes = Vec::new();
+        for entry in entries {
+            let resident = &mut self.entries[entry as usize];
+            let (place, count) = (resident.nodes, usize::from(resident.num_nodes));
+            if !self.arena.fits_before(place, count) {
+                continue;
+            }
+            nodes.clear();
+            nodes.extend((place..).take(count).filter_map(|place| self.arena.get(place)).copied());
+            let colours = self.arena.colours(place, count).to_vec();
+            self.arena.remove(place, count);
+            resident.nodes = self.arena.insert(&nodes, &colours);
+        }
+    }
+
     fn remove(&mut self, entry: u32) {
         let resident = &mut self.entries[entry as usize];
         let num_nodes = usize::from(std::mem::take(&mut resident.num_nodes));
         self.arena.remove(resident.nodes, num_nodes);
         self.num_nodes -= num_nodes;
         self.num_blocks -= 1;
-        self.directory[resident.block as usize] = 0;
+        self.directory.remove(resident.block as usize);
         resident.next = self.free;
         self.free = entry;
     }
@@ -236,6 +282,7 @@ impl Residents {
         }
         self.newest = entry;
         self.num_listed += 1;
+        self.num_listed_nodes += usize::from(self.entries[entry as usize].num_nodes);
     }
 
     fn unlist(&mut self, entry: u32) {
@@ -249,6 +296,7 @@ impl Residents {
             next => self.entries[next as usize].prev = prev,
         }
         self.num_listed -= 1;
+        self.num_listed_nodes -= usize::from(self.entries[entry as usize].num_nodes);
     }
 
     /// Checks that directory, entries, list and counts agree.
@@ -256,6 +304,7 @@ impl Residents {
         self.arena.validate()?;
         let mut num_nodes = 0;
         let mut num_listed = 0;
+        let mut num_listed_nodes = 0;
         let mut num_blocks = 0;
         for (index, resident) in self.entries.iter().enumerate() {
             if resident.num_nodes == 0 {
@@ -264,7 +313,7 @@ impl Residents {
             let count = usize::from(resident.num_nodes);
             num_blocks += 1;
             num_nodes += count;
-            if self.directory.get(resident.block as usize) != Some(&(index as u32 + 1)) {
+            if self.directory.get(resident.block as usize) != Some(index as u32) {
                 return Err(format!("the directory does not lead to block {}", resident.block));
             }
             let slots = 0..u32::from(resident.num_nodes);
@@ -273,9 +322,11 @@ impl Residents {
             if num_split != usize::from(resident.num_split) {
                 return Err(format!("block {} counts its split nodes wrongly", resident.block));
             }
-            num_listed += usize::from(num_split == 0 && !resident.pinned);
+            let is_listed = num_split == 0 && !resident.pinned;
+            num_listed += usize::from(is_listed);
+            num_listed_nodes += if is_listed { count } else { 0 };
         }
-        let in_directory = self.directory.iter().filter(|&&entry| entry != 0).count();
+        let in_directory = self.directory.count();
         if (num_blocks, num_blocks, num_nodes) != (self.num_blocks, in_directory, self.num_nodes) {
             return Err("the counts of blocks and nodes are wrong".into());
         }
@@ -287,7 +338,9 @@ impl Residents {
             }
             (prev, entry, walked) = (entry, resident.next, walked + 1);
         }
-        if (walked, num_listed, prev) != (num_listed, self.num_listed, self.newest) {
+        if (walked, num_listed, prev) != (num_listed, self.num_listed, self.newest)
+            || num_listed_nodes != self.num_listed_nodes
+        {
             return Err("the list does not hold the blocks that may go".into());
         }
         let (mut free, mut num_free) = (self.free, 0);

@@ -42,7 +42,24 @@ fn full_refinement_gives_the_whole_mesh() {
 #[test]
 fn a_tight_quota_costs_detail_and_nothing_else() {
     let forest = common::torus(60);
-    let bytes = common::bytes(&forest, 96);
+    for forest in [common::coloured(forest.clone()), forest] {
+        tighten(&forest);
+    }
+}
+
+/// That every vertex in use has the colour that belongs to its place, if there are colours.
+fn check_colours(front: &Front, has_colours: bool) {
+    let (positions, _) = front.to_mesh();
+    let expected: Vec<_> = match has_colours {
+        true => positions.into_iter().map(common::colour_at).collect(),
+        false => Vec::new(),
+    };
+    assert_eq!(front.to_colours(), expected);
+}
+
+fn tighten(forest: &Forest) {
+    let has_colours = !forest.colours.is_empty();
+    let bytes = common::bytes(forest, 96);
     let minimum = match Pager::new(common::open(&bytes), PagerOptions::with_quotas(0, 0)) {
         Err(Error::QuotaTooSmall { minimum, .. }) => minimum,
         other => panic!("{other:?}"),
@@ -55,6 +72,7 @@ fn a_tight_quota_costs_detail_and_nothing_else() {
         for _ in 0..4 {
             refine(&mut pager, &mut front, 0.0);
         }
+        check_colours(&front, has_colours);
         let fine = front.num_triangles();
         assert!(fine >= last, "{fine} triangles with {room} bytes, {last} with fewer");
         last = fine;
@@ -67,6 +85,7 @@ fn a_tight_quota_costs_detail_and_nothing_else() {
             refine(&mut pager, &mut front, 0.0);
         }
         assert!(front.num_triangles() * 10 >= fine * 9, "{} of {fine}", front.num_triangles());
+        check_colours(&front, has_colours);
     }
     assert_eq!(last, 2 * 60 * 60);
 }

@@ -92,18 +92,11 @@ fn resident(pager: &Pager) -> BTreeSet<BlockId> {
     pager.resident_blocks().collect()
 }
 
-fn run(
-    seed: u64,
-    steps: usize,
-    soft: usize,
-    hard: usize,
-    cached_pages: usize,
-) -> Result<(), TestCaseError> {
+fn run(seed: u64, steps: usize, soft: usize, hard: usize) -> Result<(), TestCaseError> {
     let sample = sample();
     let ids: Vec<NodeId> = sample.nodes.keys().copied().collect();
     let mut random = Random(seed);
-    let mut options = PagerOptions::with_quotas(sample.minimum + soft, sample.minimum + hard);
-    options.cached_pages = cached_pages;
+    let options = PagerOptions::with_quotas(sample.minimum + soft, sample.minimum + hard);
     let hard_quota = options.hard_quota_bytes;
     let soft_quota = options.soft_quota_bytes.min(hard_quota);
     let mut pager = Pager::new(common::open(&sample.bytes), options).unwrap();
@@ -212,9 +205,8 @@ proptest! {
         seed in any::<u64>(),
         soft in 0usize..160_000,
         hard in 0usize..120_000,
-        cached_pages in 0usize..4,
     ) {
-        run(seed, 500, soft, hard, cached_pages)?;
+        run(seed, 500, soft, hard)?;
     }
 }
 

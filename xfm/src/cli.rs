@@ -50,7 +50,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             // Whatever a loop broken off by Ctrl-C complains about, Ctrl-C is the reason.
-            let error = if interrupt::is_requested() { Error::Interrupted } else { error };
+            let error = match error {
+                Error::InterruptedKept { .. } => error,
+                _ if interrupt::is_requested() => Error::Interrupted,
+                _ => error,
+            };
             say(&format!("error: {}", one_line(&error)));
             ExitCode::from(error.exit_code())
         }

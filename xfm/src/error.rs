@@ -162,13 +162,11 @@ pub enum Error {
     /// A mesh could not be made into a file.
     #[error(transparent)]
     BuildMesh(xfm_build::MeshError),
-    /// A run cannot be gone on with, because its input is gone.
-    #[error(
-        "{name}: a pipe comes only once, so that --resume could not tell whether it is the same; give a file"
-    )]
-    ResumePipe {
-        /// The input.
-        name: String,
+    /// What an earlier run has left cannot be gone on with.
+    #[error("{source}: leave out --resume")]
+    Resume {
+        /// What is wrong with it.
+        source: xfm_build::Error,
     },
     /// A stream could not be built into a file.
     #[error(transparent)]
@@ -269,13 +267,19 @@ pub enum Error {
     /// The user pressed Ctrl-C, or the process was asked to terminate.
     #[error("interrupted; no output was written")]
     Interrupted,
+    /// The same, in a build that can be gone on with.
+    #[error("interrupted; no output was written; the same command with --resume goes on from what is kept in {}", folder.display())]
+    InterruptedKept {
+        /// Where it is kept.
+        folder: PathBuf,
+    },
 }
 
 impl Error {
     /// The process's exit code: 130 for an interruption (128 + the number of the signal, as shells have it), else 1.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Interrupted => 130,
+            Self::Interrupted | Self::InterruptedKept { .. } => 130,
             _ => 1,
         }
     }

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use halfedge::BuildError;
-use mergetree::{Dependencies, Front, NodeId, NodeStore, UpdateLimits, View};
+use mergetree::{Colour, Dependencies, Front, NodeId, NodeStore, UpdateLimits, View};
 
 /// Which level is wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +24,8 @@ pub struct Level {
     pub positions: Vec<Vec3>,
     /// Triangles, counter-clockwise.
     pub triangles: Vec<[u32; 3]>,
+    /// Colours of the vertices; empty where the forest has none.
+    pub colours: Vec<Colour>,
     /// How far the mesh is from the input at most, in model units, as the forest's bounds tell; 0 for the whole input.
     pub error: f32,
     /// Nodes that do not fit the mesh around them, because the file is damaged: their detail is missing.
@@ -69,7 +71,7 @@ pub fn extract<S: NodeStore>(
             Wanted::Pixels(view, pixels) => {
                 let view = view.inside_out(inside_out);
                 let limits = UpdateLimits::with_tolerance(pixels);
-                front.update(store, |node| view.error_px(node), &limits)
+                front.update_view(store, &view, &limits)
             }
         };
         if stats.waiting == 0 || !settle(store) {
@@ -77,7 +79,8 @@ pub fn extract<S: NodeStore>(
         }
     };
     let (positions, triangles) = front.to_mesh();
-    Ok(Level { positions, triangles, error: error_of(store, &front), damaged })
+    let colours = front.to_colours();
+    Ok(Level { positions, triangles, colours, error: error_of(store, &front), damaged })
 }
 
 /// The largest deviation of the nodes right below the front: what was left out.

@@ -28,6 +28,7 @@ pub mod pipe;
 pub mod progress;
 pub mod repaired;
 pub mod report;
+pub mod same_colours;
 pub mod same_soup;
 pub mod same_surface;
 pub mod spread;

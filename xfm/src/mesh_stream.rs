@@ -7,7 +7,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use glam::Vec3;
-use mesh_io::{Format, Frame, IndexedSource, Take, Triangle, TriangleSink, TriangleSource};
+use mesh_io::{
+    Format, Frame, IndexedSource, Take, TakeVertices, Triangle, TriangleSink, TriangleSource,
+};
 use tempfile::NamedTempFile;
 
 use crate::pipe::PipeReader;
@@ -266,6 +268,22 @@ impl Output {
         })
     }
 
+    /// Whether the format has colours of vertices.
+    pub fn holds_colours(&self) -> bool {
+        self.format.holds_colours()
+    }
+
+    /// What is lost, and the remedy, where vertices have colours and the format has none.
+    pub fn colourless(&self, has_colours: bool) -> Option<String> {
+        (has_colours && !self.holds_colours()).then(|| {
+            format!(
+                "{}: the colours are left out, because the format {} holds none; ply, obj and gltf keep them",
+                self.name(),
+                self.format.name()
+            )
+        })
+    }
+
     /// How far apart neighbouring coordinates may lie, at most, in what was written in a frame.
     pub fn step(&self, frame: Frame) -> f64 {
         // Where the file holds single precision, it is that about the file's own origin.
@@ -334,6 +352,18 @@ impl IndexedSource for WatchedMesh<'_> {
             go_on()?;
             self.written.note_positions(positions);
             take(positions)
+        })
+    }
+
+    fn has_colours(&self) -> bool {
+        self.mesh.has_colours()
+    }
+
+    fn each_vertex(&mut self, take: &mut TakeVertices<'_>) -> Result<(), mesh_io::Error> {
+        self.mesh.each_vertex(&mut |positions, colours| {
+            go_on()?;
+            self.written.note_positions(positions);
+            take(positions, colours)
         })
     }
 

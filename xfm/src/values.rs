@@ -1,5 +1,7 @@
 //! Values on the command line: sizes, points, image sizes, positive numbers, formats.
 
+use std::time::Duration;
+
 use glam::DVec3;
 use mesh_io::Format;
 use xfm_format::PositionError;
@@ -61,6 +63,16 @@ pub fn position_error(text: &str) -> Result<PositionError, String> {
     }
 }
 
+/// Reads a time in seconds.
+///
+/// # Errors
+///
+/// What is wrong with the text, and an example of what would be right.
+pub fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.ok_or_else(|| "a time is a number of seconds, like 600 or 0.5".to_owned())
+}
+
 /// Reads a point, `X,Y,Z`.
 ///
 /// # Errors
@@ -106,6 +118,18 @@ pub fn positive(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("must be a number above zero".to_owned()),
+    }
+}
+
+/// Reads how much something counts: a number from zero to a million.
+///
+/// # Errors
+///
+/// That it is not one.
+pub fn weight(text: &str) -> Result<f32, String> {
+    match text.trim().parse::<f32>() {
+        Ok(value) if (0.0..=1e6).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0 to 1,000,000".to_owned()),
     }
 }
 
@@ -223,6 +247,10 @@ mod tests {
         assert_eq!(field_of_view("60"), Ok(60.0));
         for text in ["0", "180", "-3", "x"] {
             assert!(field_of_view(text).is_err(), "{text}");
+        }
+        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
+        for text in ["-1", "nan", "inf", "x", ""] {
+            assert!(seconds(text).is_err(), "{text}");
         }
         assert_eq!((distance("0"), distance("1e-3")), (Ok(0.0), Ok(0.001)));
         for text in ["-1", "nan", "inf", "x", ""] {

@@ -60,58 +60,10 @@ fn a_build_leaves_a_whole_file_or_none() {
     let folder = Folder::new();
     let input = folder.write("torus.obj", torus(300, 150));
     let file = folder.file("torus.xfm");
-    let ways: [&[&str]; 3] =
-        [&[], &["--streaming"], &["--streaming", "--memory", "64MiB", "--scratch"]];
-    let scratch = Folder::new();
-    for way in ways {
-        let mut args = [&["build", &input, &file], way].concat();
-        let named = scratch.file("");
-        if way.contains(&"--scratch") {
-            args.push(&named);
-        }
+    for way in [&[][..], &["--streaming"], &["--streaming", "--memory", "64MiB"]] {
+        let args = [&["build", &input, &file], way].concat();
         interrupt_often(&folder, &args, Some("torus.xfm"));
-        assert!(scratch.names().is_empty(), "{way:?}: {:?}", scratch.names());
     }
-}
-
-#[test]
-fn what_was_collapsed_is_kept_for_a_later_run_and_goes_with_it() {
-    let folder = Folder::new();
-    let input = folder.write("torus.obj", torus(300, 150));
-    let file = folder.file("torus.xfm");
-    let scratch = Folder::new();
-    let named = scratch.file("");
-    let args = ["build", &input, &file, "--resume", "--scratch", &named, "--json"];
-    let start = Instant::now();
-    xfm(&args).json();
-    let (whole, expected) = (start.elapsed(), std::fs::read(&file).expect("the file is there"));
-    let mut gone_on = 0;
-    for run in 0..60 {
-        std::fs::remove_file(&file).ok();
-        let child = common::command(&args)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the binary runs");
-        sleep(whole.mul_f64(f64::from(run * 7 % 10 + 15) / 25.0));
-        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-        sent.expect("there is a kill");
-        child.wait_with_output().expect("the binary ends");
-        let kept = !scratch.names().is_empty();
-        if kept {
-            assert_eq!(scratch.names(), ["xfm-build.log", "xfm-build.state"]);
-            assert_eq!(folder.names(), ["torus.obj"]);
-        }
-        let report = xfm(&args).json();
-        assert_eq!(report["resumed"], kept, "{report}");
-        assert!(std::fs::read(&file).expect("the file is there") == expected);
-        assert!(scratch.names().is_empty());
-        gone_on += u32::from(kept);
-        if gone_on == 3 {
-            return;
-        }
-    }
-    assert!(gone_on > 0, "no run was interrupted between collapsing and the end");
 }
 
 #[test]

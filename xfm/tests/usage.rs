@@ -16,7 +16,7 @@ fn help_goes_to_standard_output_and_succeeds() {
 
 #[test]
 fn wrong_usage_exits_with_2_and_says_what_is_wrong() {
-    let cases: [(&[&str], &str); 9] = [
+    let cases: [(&[&str], &str); 10] = [
         (&[], "Usage"),
         (&["melt"], "melt"),
         (&["diff"], "<A>"),
@@ -25,7 +25,8 @@ fn wrong_usage_exits_with_2_and_says_what_is_wrong() {
         (&["diff", "a.obj", "b.obj", "--threads", "x"], "--threads"),
         (&["build", "a.obj", "a.xfm", "--resume"], "--scratch"),
         (&["build", "a.obj", "a.xfm", "--in-core", "--streaming"], "--streaming"),
-        (&["build", "a.obj", "a.xfm", "--in-core", "--resume", "--scratch", "."], "--resume"),
+        (&["build", "a.obj", "a.xfm", "--checkpoint-every", "5"], "--scratch"),
+        (&["build", "a.obj", "a.xfm", "--scratch", ".", "--checkpoint-every", "x"], "seconds"),
     ];
     for (args, told) in cases {
         let ran = xfm(args);

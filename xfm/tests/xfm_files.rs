@@ -436,19 +436,3 @@ fn both_ways_of_building_keep_every_triangle() {
     let built = xfm_with_input(&["build", "-", &file, "--from", "obj", "--json"], obj.as_bytes());
     assert_eq!(built.json()["mode"], "streaming");
 }
-
-#[test]
-fn a_later_run_goes_on_only_with_the_same_input() {
-    let folder = Folder::new();
-    let input = folder.write("torus.obj", torus(100, 50));
-    let file = folder.file("torus.xfm");
-    let scratch = Folder::new();
-    let named = scratch.file("");
-    let args = ["build", &input, &file, "--resume", "--scratch", &named, "--json"];
-    let built = xfm(&args).json();
-    assert_eq!(built["mode"], "streaming");
-    assert_eq!(built["resumed"], false);
-    assert!(scratch.names().is_empty(), "nothing is left of a run that came to its end");
-    let ran = xfm_with_input(&["build", "-", &file, "--resume", "--scratch", &named], b"");
-    assert!(ran.error_line().contains("--resume"), "{}", ran.stderr);
-}

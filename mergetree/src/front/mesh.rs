@@ -35,6 +35,8 @@ pub(crate) struct ActiveMesh {
     pub(crate) vertices: Vec<FrontVertex>,
     pub(crate) triangles: Vec<[u32; 3]>,
     reverse: Vec<Option<HalfEdgeId>>,
+    /// Per vertex a half-edge that leaves it.
+    out: Vec<Option<HalfEdgeId>>,
     num_faces: usize,
     pub(crate) dirty_vertices: DirtySet,
     pub(crate) dirty_faces: DirtySet,
@@ -52,6 +54,10 @@ impl ActiveMesh {
         let reverse = (0..3 * base.faces.len())
             .map(|h| connectivity.reverse(HalfEdgeId::from_index(h)))
             .collect();
+        let mut out = vec![None; vertices.len()];
+        for (h, &v) in base.faces.as_flattened().iter().enumerate() {
+            out[v as usize] = Some(HalfEdgeId::from_index(h));
+        }
         let mut mesh = Self {
             num_base_vertices: vertices.len() as u32,
             num_base_faces: base.faces.len() as u32,
@@ -59,6 +65,7 @@ impl ActiveMesh {
             vertices,
             triangles: base.faces.clone(),
             reverse,
+            out,
             dirty_vertices: DirtySet::default(),
             dirty_faces: DirtySet::default(),
             fan: Vec::new(),
@@ -77,10 +84,39 @@ impl ActiveMesh {
         self.num_base_vertices + slot.get()
     }
 
+    pub(crate) fn vertex(&self, slot: SlotId) -> FrontVertex {
+        self.vertices[self.vertex_of(slot) as usize]
+    }
+
+    pub(crate) fn set_vertex(&mut self, slot: SlotId, vertex: FrontVertex) {
+        let v = self.vertex_of(slot);
+        self.vertices[v as usize] = vertex;
+        self.dirty_vertices.insert(v);
+    }
+
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.vertices.capacity() * size_of::<FrontVertex>()
+            + self.triangles.capacity() * size_of::<[u32; 3]>()
+            + (self.reverse.capacity() + self.out.capacity()) * size_of::<Option<HalfEdgeId>>()
+    }
+
     /// Half-edge `k` (0 to 5) of a slot: `h, a, b` of the first face, `h', d, e` of the second.
     #[inline]
     pub(crate) fn half_edge_of(&self, slot: SlotId, k: u32) -> HalfEdgeId {
         HalfEdgeId::new(3 * self.num_base_faces + 6 * slot.get() + k)
+    }
+
+    /// The slot whose face a half-edge belongs to, and which of its six it is; `None` for one of the coarsest mesh.
+    #[inline]
+    pub(crate) fn slot_of_half_edge(&self, h: HalfEdgeId) -> Option<(SlotId, u32)> {
+        let h = h.get().checked_sub(3 * self.num_base_faces)?;
+        Some((SlotId::new(h / 6), h % 6))
+    }
+
+    /// A half-edge that leaves a vertex; `None` if no face has it.
+    #[inline]
+    pub(crate) fn out(&self, v: u32) -> Option<HalfEdgeId> {
+        self.out[v as usize]
     }
 
     #[inline]
@@ -144,28 +180,24 @@ impl ActiveMesh {
         self.fan = fan;
     }
 
-    /// The vertex a split at these outer half-edges would divide.
-    pub(crate) fn split_vertex(&self, [w, x, _, _]: [Option<HalfEdgeId>; 4]) -> Option<u32> {
-        x.map(|x| self.start(x)).or_else(|| w.map(|w| self.end(w)))
-    }
-
-    /// Brings back a vertex and its faces at the outer half-edges `w, x, y, z`, all present. Returns the vertex that was
-    /// divided. Changes nothing when they do not fit.
+    /// Brings back a vertex next to `u`, and its faces at the outer half-edges `w, x, y, z`, all present. Changes nothing
+    /// when they do not fit.
     ///
     /// Whatever the half-edges are, a manifold stays one.
     pub(crate) fn split(
         &mut self,
         slot: SlotId,
+        u: u32,
         adjacent: [Option<HalfEdgeId>; 4],
         vertex: FrontVertex,
-    ) -> Result<u32, Misfit> {
+    ) -> Result<(), Misfit> {
         let [w, x, y, z] = adjacent;
-        let u = self.split_vertex(adjacent).ok_or(Misfit)?;
         let p = w.map(|w| self.start(w)).or_else(|| x.map(|x| self.end(x))).ok_or(Misfit)?;
         let joined = |a: Option<HalfEdgeId>, b: Option<HalfEdgeId>| {
             a.is_none_or(|a| self.reverse(a) == b) && b.is_none_or(|b| self.reverse(b) == a)
         };
-        if !joined(w, x) || !joined(y, z) || w.is_some_and(|w| self.end(w) != u) {
+        let around = w.is_none_or(|w| self.end(w) == u) && x.is_none_or(|x| self.start(x) == u);
+        if !joined(w, x) || !joined(y, z) || !around {
             return Err(Misfit);
         }
         if let Some(y) = y {
@@ -202,34 +234,30 @@ impl ActiveMesh {
         } else {
             self.reverse[h.index()] = None;
         }
-        Ok(u)
+        self.out[v as usize] = Some(h);
+        self.out[u as usize] = Some(a);
+        Ok(())
     }
 
     fn grow(&mut self, slot: SlotId) {
         let v = self.vertex_of(slot) as usize;
         if self.vertices.len() <= v {
             self.vertices.resize(v + 1, FrontVertex::default());
+            self.out.resize(v + 1, None);
             let faces = self.half_edge_of(slot, 5).face().index() + 1;
             self.triangles.resize(faces, [0; 3]);
             self.reverse.resize(3 * faces, None);
         }
     }
 
-    /// Whether no finer face sits between the faces of a slot and its outer half-edges.
-    pub(crate) fn can_collapse(&self, slot: SlotId, adjacent: [Option<HalfEdgeId>; 4]) -> bool {
-        let [w, x, y, z] = adjacent;
-        let [h, a, b, h1, d, e] = [0, 1, 2, 3, 4, 5].map(|k| self.half_edge_of(slot, k));
-        let first = self.reverse(a) == w && self.reverse(b) == x;
-        first
-            && match y {
-                Some(_) => {
-                    self.reverse(h) == Some(h1) && self.reverse(d) == y && self.reverse(e) == z
-                }
-                None => self.reverse(h).is_none(),
-            }
+    /// The vertex that the vertex of a slot came out of, and would go back into.
+    #[inline]
+    pub(crate) fn kept(&self, slot: SlotId) -> u32 {
+        self.start(self.half_edge_of(slot, 1))
     }
 
-    /// Removes the vertex and faces of a slot; [`Self::can_collapse`] must hold. Returns the vertex that stays.
+    /// Removes the vertex and faces of a slot whose outer half-edges are `w, x, y, z`, those that were there at the split.
+    /// Returns the vertex that stays.
     pub(crate) fn collapse(
         &mut self,
         slot: SlotId,
@@ -237,11 +265,25 @@ impl ActiveMesh {
     ) -> Result<u32, Misfit> {
         let [w, x, y, z] = adjacent;
         self.gather_fan(x, y)?;
-        let u = self.start(self.half_edge_of(slot, 1));
+        let u = self.kept(slot);
         self.turn_fan(u);
         self.link(w, x);
         self.link(y, z);
         self.num_faces -= if y.is_some() { 2 } else { 1 };
+        // What led out of the neighbours through the faces that go.
+        let [v, p, q] = [0, 2, 5].map(|k| self.start(self.half_edge_of(slot, k)));
+        self.out[u as usize] = x.or_else(|| w.map(|w| w.next()));
+        self.out[v as usize] = None;
+        let led_through = |mesh: &Self, r: u32| {
+            let out = mesh.out[r as usize];
+            out.and_then(|h| mesh.slot_of_half_edge(h)).is_some_and(|(s, _)| s == slot)
+        };
+        if led_through(self, p) {
+            self.out[p as usize] = w.or_else(|| x.map(|x| x.next()));
+        }
+        if y.is_some() && led_through(self, q) {
+            self.out[q as usize] = y;
+        }
         for k in 0..6 {
             let h = self.half_edge_of(slot, k);
             self.set_start(h, 0);

@@ -1,22 +1,32 @@
 //! The active front: which nodes are split, and the mesh that follows from it.
 
 mod changes;
+mod frontier;
+mod held;
 mod mesh;
+mod morph;
 mod refine;
+mod scan;
 mod update;
 mod validate;
 
 use std::ops::Range;
 
 use glam::Vec3;
-use halfedge::{BuildError, HalfEdgeId, HalfEdgeMesh};
+use halfedge::{BuildError, HalfEdgeMesh};
 
 pub use mesh::FrontVertex;
 pub use refine::{CollapseBlocked, SplitBlocked};
 pub use update::{UpdateLimits, UpdateStats};
 pub use validate::FrontInvalid;
 
-use crate::{HalfEdgeName, HalfEdgeNames, Node, NodeId, NodeStore, SlotId};
+use crate::front::frontier::Frontier;
+use crate::front::held::Held;
+use crate::front::morph::Morphs;
+use crate::front::refine::Pending;
+use crate::front::scan::Scan;
+use crate::measure::BoundsTable;
+use crate::{Colour, HalfEdgeNames, NodeId, NodeStore, SlotId};
 pub(crate) use mesh::ActiveMesh;
 
 /// Which surroundings a split or collapse waits for.
@@ -35,40 +45,52 @@ pub enum Dependencies {
     Order,
 }
 
-/// What the front remembers of a vertex of the active mesh.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Cluster {
-    /// The next split of this vertex; `None` if it stands for itself alone.
-    top: Option<NodeId>,
-    /// Order of the split that this vertex came out of last: that of the parent of `top`; `u32::MAX` if none.
-    upper: u32,
-}
-
 /// What the front remembers of a split node.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     node: Option<NodeId>,
+    /// Where its parent is; `None` for a root.
+    parent: Option<SlotId>,
     level: u32,
     num_split_children: u8,
+}
+
+impl Slot {
+    const FREE: Self = Self { node: None, parent: None, level: 0, num_split_children: 0 };
 }
 
 /// The active front over a forest, with its mesh.
 ///
 /// The mesh is a function of the set of split nodes alone, whatever order they were split in. After every operation it
 /// is a manifold with the topology of the input.
+///
+/// A frame tests two things per vertex: whether the split it came out of is still worth it, and whether its next one is.
+/// The bounds that this takes are copied side by side, so that a test touches no node (`scan.rs`).
 #[derive(Clone, Debug)]
 pub struct Front {
     names: HalfEdgeNames,
     dependencies: Dependencies,
     mesh: ActiveMesh,
-    clusters: Vec<Cluster>,
+    /// Colours per vertex; empty where the store has none.
+    colours: Vec<Colour>,
+    /// Per vertex its next split.
+    frontier: Frontier,
     slots: Vec<Slot>,
+    /// Bounds of the node in each slot.
+    bounds: BoundsTable,
+    /// A bit per slot: whether it has a node without split child.
+    leaves: Vec<u8>,
+    held: Held,
     free: Vec<SlotId>,
     num_split: usize,
+    /// Roots with their vertices, in order of their ids.
+    roots: Vec<(NodeId, u32)>,
     /// Nodes that wait to be split, deepest dependency last; kept for its memory.
-    pending: Vec<(NodeId, u32)>,
-    /// Nodes split by the operation at hand, forced ones included.
-    just_split: Vec<NodeId>,
+    pending: Vec<Pending>,
+    /// Slots split by the operation at hand, forced ones included.
+    just_split: Vec<SlotId>,
+    scan: Scan,
+    morphs: Morphs,
 }
 
 /// What changed since the changes were last taken.
@@ -88,20 +110,26 @@ impl Front {
     pub fn new(store: &impl NodeStore, dependencies: Dependencies) -> Result<Self, BuildError> {
         let base = store.base();
         let connectivity = HalfEdgeMesh::from_triangles(base.vertices.len(), &base.faces)?;
+        let mut roots: Vec<_> =
+            (0..).zip(&base.vertices).filter_map(|(v, vertex)| Some((vertex.root?, v))).collect();
+        roots.sort_unstable();
         Ok(Self {
             names: base.names(),
             dependencies,
             mesh: ActiveMesh::new(base, &connectivity),
-            clusters: base
-                .vertices
-                .iter()
-                .map(|v| Cluster { top: v.root, upper: u32::MAX })
-                .collect(),
+            colours: base.colours.clone(),
+            frontier: Frontier::new(store),
             slots: Vec::new(),
+            bounds: BoundsTable::default(),
+            leaves: Vec::new(),
+            held: Held::default(),
             free: Vec::new(),
             num_split: 0,
+            roots,
             pending: Vec::new(),
             just_split: Vec::new(),
+            scan: Scan::default(),
+            morphs: Morphs::default(),
         })
     }
 
@@ -118,6 +146,11 @@ impl Front {
     /// The vertices, those of free slots included, which no triangle names.
     pub fn vertices(&self) -> &[FrontVertex] {
         &self.mesh.vertices
+    }
+
+    /// The colours of all [vertices](Self::vertices); empty where the mesh has none. What changes vertices changes them.
+    pub fn colours(&self) -> &[Colour] {
+        &self.colours
     }
 
     /// The triangles, counter-clockwise; `[0, 0, 0]` where there is none.
@@ -139,9 +172,7 @@ impl Front {
     pub fn to_mesh(&self) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         let present = self.mesh.triangles.iter().filter(|&&t| t != [0; 3]);
         let mut new_id = vec![u32::MAX; self.mesh.vertices.len()];
-        let mut used: Vec<u32> = present.clone().flatten().copied().collect();
-        used.sort_unstable();
-        used.dedup();
+        let used = self.used_vertices();
         for (new, &old) in used.iter().enumerate() {
             new_id[old as usize] = new as u32;
         }
@@ -149,34 +180,64 @@ impl Front {
         (positions, present.map(|t| t.map(|v| new_id[v as usize])).collect())
     }
 
+    /// The colours of the vertices of [`to_mesh`](Self::to_mesh); empty where the mesh has none.
+    pub fn to_colours(&self) -> Vec<Colour> {
+        if self.colours.is_empty() {
+            return Vec::new();
+        }
+        self.used_vertices().iter().map(|&v| self.colours[v as usize]).collect()
+    }
+
+    /// The vertices that triangles name, ascending.
+    fn used_vertices(&self) -> Vec<u32> {
+        let present = self.mesh.triangles.iter().filter(|&&t| t != [0; 3]);
+        let mut used: Vec<u32> = present.flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        used
+    }
+
     /// The split nodes with their depth in the forest (from 1), in order of their slots.
     pub fn split_nodes(&self) -> impl Iterator<Item = (NodeId, u32)> + '_ {
         self.slots.iter().filter_map(|slot| Some((slot.node?, slot.level)))
     }
 
-    /// Where the half-edges around a node are in the active mesh.
-    ///
-    /// # Errors
-    /// The node whose face is missing.
-    fn active_half_edges(
-        &self,
-        store: &impl NodeStore,
-        node: &Node,
-    ) -> Result<[Option<HalfEdgeId>; 4], NodeId> {
-        let mut active = [None; 4];
-        for (active, name) in active.iter_mut().zip(node.adjacent) {
-            if let Some(name) = name {
-                *active = Some(match self.names.resolve(name) {
-                    HalfEdgeName::Base(h) => HalfEdgeId::new(h),
-                    HalfEdgeName::Node(owner, k) => {
-                        let slot = slot_of(store, owner).ok_or(owner)?;
-                        self.mesh.half_edge_of(slot, k)
-                    }
-                });
-            }
-        }
-        Ok(active)
+    /// Bytes that the front takes in memory.
+    pub fn memory_bytes(&self) -> usize {
+        self.mesh.memory_bytes()
+            + self.frontier.memory_bytes()
+            + self.bounds.memory_bytes()
+            + self.slots.capacity() * size_of::<Slot>()
+            + self.leaves.capacity()
+            + self.held.memory_bytes()
+            + self.free.capacity() * size_of::<SlotId>()
+            + self.scan.memory_bytes()
+            + self.morphs.memory_bytes()
     }
+
+    fn set_leaf(&mut self, slot: SlotId, is_leaf: bool) {
+        set_bit(&mut self.leaves, slot.index(), is_leaf);
+    }
+}
+
+/// Sets or clears a bit of a table that grows as needed.
+#[inline]
+fn set_bit(bytes: &mut Vec<u8>, index: usize, value: bool) {
+    if index / 8 >= bytes.len() {
+        bytes.resize(index / 8 + 1, 0);
+    }
+    let bit = 1 << (index % 8);
+    if value {
+        bytes[index / 8] |= bit;
+    } else {
+        bytes[index / 8] &= !bit;
+    }
+}
+
+/// Whether a bit is set.
+#[inline]
+fn has_bit(bytes: &[u8], index: usize) -> bool {
+    bytes.get(index / 8).is_some_and(|byte| byte >> (index % 8) & 1 == 1)
 }
 
 /// Where a node is split, if it is.

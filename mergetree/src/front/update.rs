@@ -4,8 +4,9 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::time::{Duration, Instant};
 
-use crate::front::{Front, SplitBlocked, slot_of};
-use crate::{Node, NodeId, NodeStore};
+use crate::front::{Front, Slot, SplitBlocked, has_bit};
+use crate::measure::{BoundsLanes, LANES};
+use crate::{ErrorMeasure, NodeBounds, NodeId, NodeStore, SlotId, View};
 
 /// How far an update goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,11 +19,14 @@ pub struct UpdateLimits {
     pub hysteresis: f32,
     /// No node is split once there are so many triangles. Default: no limit.
     pub max_triangles: usize,
+    /// No node is split once so many splits and collapses were made, and none collapsed once half as many were; what is
+    /// left, the least wrong, is for the next update. Default: no limit.
+    pub max_updates: usize,
 }
 
 impl Default for UpdateLimits {
     fn default() -> Self {
-        Self { tolerance: 1.0, hysteresis: 0.8, max_triangles: usize::MAX }
+        Self { tolerance: 1.0, hysteresis: 0.8, max_triangles: usize::MAX, max_updates: usize::MAX }
     }
 }
 
@@ -45,20 +49,31 @@ pub struct UpdateStats {
     pub collapses: usize,
     /// Nodes that are too coarse and were not split: something they depend on is not resident.
     pub waiting: usize,
-    /// Nodes that do not fit the mesh: the file they come from is damaged.
+    /// Nodes that were given up in this update: they, or what they depend on, are lost or do not fit the mesh, because the
+    /// file they come from is damaged.
     pub damaged: usize,
     /// Nodes that are finer than they need to be and were not collapsed, because a neighbour holds them.
     pub held: usize,
+    /// Vertices that are on their way to their place, or back.
+    pub morphing: usize,
+    /// Whether there is more to do than a limit allowed.
+    pub limited: bool,
     /// Time spent testing the front as it was.
     pub test_time: Duration,
     /// Time spent on splits and collapses and the tests of what they brought up; requests for nodes included.
     pub update_time: Duration,
 }
 
-/// A node with its error, the largest first; ties by id, so that the result does not depend on chance.
+/// How urgent an error is that is not seen yet.
+const LATER: f32 = 0.1;
+
+/// A node that is not split and should be, the largest error first; ties by id, so that the result does not depend on
+/// chance.
+#[derive(Clone, Copy, Debug)]
 struct Candidate {
     error: f32,
     id: NodeId,
+    vertex: u32,
 }
 
 impl PartialEq for Candidate {
@@ -85,148 +100,313 @@ impl Front {
     /// `error` tells how wrong the picture is while a node is not split; a child's error should not exceed its parent's.
     ///
     /// # Complexity
-    /// One test per node of the front, and the splits and collapses done, sorted.
+    /// Two tests per vertex of the active mesh, and the splits and collapses done, sorted.
     pub fn update(
         &mut self,
         store: &mut impl NodeStore,
-        error: impl Fn(&Node) -> f32,
+        error: impl Fn(&NodeBounds) -> f32 + Sync,
+        limits: &UpdateLimits,
+    ) -> UpdateStats {
+        self.update_by(store, &error, limits)
+    }
+
+    /// [`update`](Self::update) for a view: errors are pixels.
+    pub fn update_view(
+        &mut self,
+        store: &mut impl NodeStore,
+        view: &View,
+        limits: &UpdateLimits,
+    ) -> UpdateStats {
+        self.update_by(store, view, limits)
+    }
+
+    /// [`update`](Self::update) for anything that tells errors.
+    pub fn update_by(
+        &mut self,
+        store: &mut impl NodeStore,
+        measure: &impl ErrorMeasure,
         limits: &UpdateLimits,
     ) -> UpdateStats {
         let mut update = Update {
             front: self,
             store,
-            error,
+            measure,
             limits,
             stats: UpdateStats::default(),
-            coarse: BinaryHeap::new(),
-            absent: Vec::new(),
+            coarse: Vec::new(),
+            fine: Vec::new(),
+            held: Vec::new(),
         };
+        update.test();
         update.coarsen();
         update.refine();
+        update.morph();
         update.stats
+    }
+
+    /// Requests the nodes below the front that are not resident and that a view to come would want, less urgently than what
+    /// the present one does. Returns how many.
+    pub fn prefetch(&mut self, store: &mut impl NodeStore, view: &View, tolerance: f32) -> usize {
+        let mut wanted = Vec::new();
+        let (bounds, absent) = self.frontier.absent_table();
+        self.scan.run(
+            view,
+            (bounds.groups(), absent),
+            |error, _| error > tolerance,
+            |error, vertex| wanted.push((error, vertex)),
+        );
+        wanted.sort_unstable_by(|a: &(f32, u32), b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for &(error, vertex) in &wanted {
+            // What an earlier request brought is looked at when it is wanted in fact.
+            if let Some(top) =
+                self.frontier.get(vertex).top.filter(|&top| store.node(top).is_none())
+            {
+                store.request(top, LATER * error.min(1e3 * tolerance));
+            }
+        }
+        wanted.len()
+    }
+
+    /// How many frames a vertex takes to its place after a split, and back before a collapse; 0, the default, for none.
+    ///
+    /// [`vertices`](Self::vertices) are where they are on their way; connectivity is not concerned.
+    pub fn set_geomorph(&mut self, frames: u32) {
+        self.morphs.set_frames(&mut self.mesh, frames);
     }
 }
 
 /// One update under way.
-struct Update<'a, S, E> {
+struct Update<'a, S, M> {
     front: &'a mut Front,
     store: &'a mut S,
-    error: E,
+    measure: &'a M,
     limits: &'a UpdateLimits,
     stats: UpdateStats,
     /// Nodes that are not split and should be.
-    coarse: BinaryHeap<Candidate>,
-    /// Nodes that are not resident and may have to be split, with the error of their parent.
-    absent: Vec<Candidate>,
+    coarse: Vec<Candidate>,
+    /// Slots of nodes that are split and need not be, with their orders.
+    fine: Vec<(u32, u32)>,
+    /// Those of them that something holds.
+    held: Vec<u32>,
 }
 
-impl<S: NodeStore, E: Fn(&Node) -> f32> Update<'_, S, E> {
+impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
+    /// Tests both sides of the front: nodes that could be collapsed, and nodes that could be split.
+    fn test(&mut self) {
+        let begin = Instant::now();
+        let Self { front, measure, coarse, fine, held, .. } = self;
+        let below = self.limits.tolerance * self.limits.hysteresis;
+        let above = self.limits.tolerance;
+        let Front { scan, bounds, leaves, frontier, slots, held: holders, .. } = &mut **front;
+        let (bounds, frontier) = (&*bounds, &*frontier);
+        self.stats.tests += scan.run(
+            *measure,
+            (bounds.groups(), leaves),
+            |error, _| error < below,
+            |_, slot| {
+                if holders.is_held(slot as usize, frontier, slots) {
+                    held.push(slot);
+                } else {
+                    fine.push((bounds.order(slot as usize), slot));
+                }
+            },
+        );
+        let (groups, present) = frontier.table();
+        self.stats.tests += scan.run(
+            *measure,
+            (groups.groups(), present),
+            |error, _| error > above,
+            |error, vertex| {
+                if let Some(id) = frontier.get(vertex).top {
+                    coarse.push(Candidate { error, id, vertex });
+                }
+            },
+        );
+        self.stats.test_time += begin.elapsed();
+    }
+
+    /// Collapses what is too fine, the finest first, as the build did: then what holds a node is gone before its turn.
     fn coarsen(&mut self) {
         let begin = Instant::now();
-        // The finest first, as the build did: then what holds a node is gone before its turn.
-        let mut fine: BinaryHeap<Reverse<(u32, NodeId)>> = BinaryHeap::new();
-        for index in 0..self.front.slots.len() {
-            fine.extend(self.too_fine(index).map(Reverse));
-        }
-        let tested = Instant::now();
-        while let Some(Reverse((_, id))) = fine.pop() {
-            if self.front.collapse(self.store, id).is_err() {
-                self.stats.held += 1;
-                continue;
-            }
-            self.stats.collapses += 1;
-            let parent = self.store.node(id).and_then(|node| node.parent);
-            if let Some(slot) = parent.and_then(|parent| slot_of(self.store, parent)) {
-                fine.extend(self.too_fine(slot.index()).map(Reverse));
-            }
-        }
-        self.stats.test_time += tested - begin;
-        self.stats.update_time += tested.elapsed();
-    }
-
-    /// The node of a slot with its order, if it could be collapsed and should.
-    fn too_fine(&mut self, slot: usize) -> Option<(u32, NodeId)> {
-        let slot = &self.front.slots[slot];
-        let id = slot.node.filter(|_| slot.num_split_children == 0)?;
-        let node = self.store.node(id)?;
-        self.stats.tests += 1;
-        let below = self.limits.tolerance * self.limits.hysteresis;
-        ((self.error)(node) < below).then_some((node.order, id))
-    }
-
-    fn refine(&mut self) {
-        let begin = Instant::now();
-        for index in 0..self.store.base().vertices.len() {
-            if let Some(root) = self.store.base().vertices[index].root {
-                self.consider(root, f32::INFINITY);
-            }
-        }
-        for index in 0..self.front.slots.len() {
-            if let Some(id) = self.front.slots[index].node {
-                self.consider_children(id);
-            }
-        }
-        let tested = Instant::now();
-        self.request_absent();
-        while self.front.num_triangles() < self.limits.max_triangles
-            && let Some(Candidate { error: urgency, id }) = self.coarse.pop()
-        {
-            match self.front.split(self.store, id, urgency) {
-                Ok(()) => {}
-                Err(SplitBlocked::NotResident(_)) => self.stats.waiting += 1,
-                Err(SplitBlocked::Damaged(_)) => self.stats.damaged += 1,
-            }
-            let just_split = std::mem::take(&mut self.front.just_split);
-            self.stats.splits += just_split.len();
-            for &id in &just_split {
-                self.consider_children(id);
-            }
-            self.front.just_split = just_split;
-            self.request_absent();
-        }
-        self.stats.test_time += tested - begin;
-        self.stats.update_time += tested.elapsed();
-    }
-
-    fn consider_children(&mut self, parent: NodeId) {
-        let Some(&node) = self.store.node(parent) else { return };
-        for child in node.children() {
-            // What a child would show that is not resident is no worse than what its parent does.
-            let urgency = if self.store.node(child).is_some() { 0.0 } else { (self.error)(&node) };
-            self.consider(child, urgency);
-        }
-    }
-
-    /// Notes a node that is not split and should be, or that is not resident and might have to be.
-    fn consider(&mut self, id: NodeId, urgency: f32) {
-        match self.store.node(id) {
-            Some(node) if node.slot.is_some() => {}
-            Some(node) => {
-                self.stats.tests += 1;
-                let error = (self.error)(node);
-                if error > self.limits.tolerance {
-                    self.coarse.push(Candidate { error, id });
+        let most = self.limits.max_updates / 2;
+        let mut fine: BinaryHeap<_> =
+            std::mem::take(&mut self.fine).into_iter().map(Reverse).collect();
+        loop {
+            while self.stats.collapses < most
+                && let Some(Reverse((_, slot))) = fine.pop()
+            {
+                if let Some(parent) = self.collapse(SlotId::new(slot)) {
+                    fine.extend(parent.map(Reverse));
                 }
             }
-            None if urgency > self.limits.tolerance => {
-                self.absent.push(Candidate { error: urgency, id });
+            // What was held may be free now.
+            let front = &*self.front;
+            let before = fine.len();
+            self.held.retain(|&slot| {
+                let is_held = front.held.is_held(slot as usize, &front.frontier, &front.slots);
+                if !is_held && has_bit(&front.leaves, slot as usize) {
+                    fine.push(Reverse((front.bounds.order(slot as usize), slot)));
+                }
+                is_held
+            });
+            if self.stats.collapses >= most || fine.len() == before {
+                self.stats.limited |= !fine.is_empty();
+                break;
             }
-            None => {}
         }
+        self.stats.held += self.held.len();
+        self.stats.update_time += begin.elapsed();
     }
 
-    /// Requests what is not resident, the most urgent first.
-    fn request_absent(&mut self) {
-        let mut absent = std::mem::take(&mut self.absent);
+    /// Collapses the node of a slot, if it may; then tells its parent, if that is too fine in turn.
+    #[expect(clippy::option_option, reason = "whether it was collapsed, and what came of it")]
+    fn collapse(&mut self, slot: SlotId) -> Option<Option<(u32, u32)>> {
+        let front = &mut *self.front;
+        let Slot { node: Some(id), parent, .. } = front.slots[slot.index()] else { return None };
+        let node = *self.store.node(id)?;
+        let Ok(adjacent) = front.can_collapse(slot, id, &node) else {
+            self.held.push(slot.get());
+            return None;
+        };
+        if !front.morphs.is_back(&front.mesh, slot) {
+            return None;
+        }
+        if front.collapse_now(self.store, slot, id, adjacent).is_err() {
+            return None;
+        }
+        self.stats.collapses += 1;
+        let parent = parent.filter(|parent| has_bit(&front.leaves, parent.index()));
+        let Some(parent) = parent else { return Some(None) };
+        self.stats.tests += 1;
+        let bounds = front.bounds.get(parent.index());
+        let error = self.measure.errors(&BoundsLanes::splat(&bounds))[0];
+        let below = self.limits.tolerance * self.limits.hysteresis;
+        Some((error < below).then_some((bounds.order, parent.get())))
+    }
+
+    /// Splits what is too coarse, the most wrong first.
+    fn refine(&mut self) {
+        let begin = Instant::now();
+        let mut absent = Vec::new();
+        let mut coarse = std::mem::take(&mut self.coarse);
+        coarse.retain(|candidate| {
+            let waits = self.front.frontier.waits_for(candidate.vertex).is_some();
+            if waits {
+                absent.push(*candidate);
+            }
+            !waits
+        });
+        let mut coarse = BinaryHeap::from(coarse);
+        self.request(&mut absent, &mut coarse);
+        let mut fresh = Vec::new();
+        while let Some(&Candidate { error, id, vertex }) = coarse.peek() {
+            if self.front.num_triangles() >= self.limits.max_triangles
+                || self.stats.splits + self.stats.collapses >= self.limits.max_updates
+            {
+                self.stats.limited |= self.front.num_triangles() < self.limits.max_triangles;
+                break;
+            }
+            coarse.pop();
+            if self.front.frontier.get(vertex).top != Some(id) {
+                // Split meanwhile, for another's sake.
+                continue;
+            }
+            match self.front.split_at(self.store, id, Some(vertex), error) {
+                Ok(()) => {}
+                Err(blocked) if blocked.is_for_good(self.store) => {
+                    self.stats.damaged += 1;
+                    // Another vertex was given up that this one waited for: perhaps it can do without.
+                    if self.front.frontier.is_next(vertex, id) {
+                        coarse.push(Candidate { error, id, vertex });
+                    }
+                }
+                Err(SplitBlocked::NotResident(other) | SplitBlocked::Damaged(other)) => {
+                    self.stats.waiting += 1;
+                    self.front.frontier.set_blocked(vertex, Some(other));
+                }
+            }
+            self.stats.splits += self.front.just_split.len();
+            for &slot in &self.front.just_split {
+                fresh.extend([self.front.mesh.vertex_of(slot), self.front.mesh.kept(slot)]);
+            }
+            self.consider(&mut fresh, &mut coarse, &mut absent);
+            if !absent.is_empty() {
+                self.request(&mut absent, &mut coarse);
+            }
+        }
+        self.stats.update_time += begin.elapsed();
+    }
+
+    /// Notes the next splits of vertices that should be made, or requested.
+    fn consider(
+        &mut self,
+        vertices: &mut Vec<u32>,
+        coarse: &mut BinaryHeap<Candidate>,
+        absent: &mut Vec<Candidate>,
+    ) {
+        let frontier = &self.front.frontier;
+        vertices.retain(|&v| frontier.get(v).top.is_some());
+        for vertices in vertices.chunks(LANES) {
+            let mut lanes = BoundsLanes::default();
+            for (lane, &v) in vertices.iter().enumerate() {
+                lanes.set(lane, &frontier.bounds(v));
+            }
+            self.stats.tests += vertices.len();
+            for (&vertex, error) in vertices.iter().zip(self.measure.errors(&lanes)) {
+                if error > self.limits.tolerance
+                    && let Some(id) = frontier.get(vertex).top
+                {
+                    let candidate = Candidate { error, id, vertex };
+                    if frontier.waits_for(vertex).is_some() {
+                        absent.push(candidate);
+                    } else {
+                        coarse.push(candidate);
+                    }
+                }
+            }
+        }
+        vertices.clear();
+    }
+
+    /// Requests what is not resident, the most urgent first, and notes what is at once.
+    fn request(&mut self, absent: &mut Vec<Candidate>, coarse: &mut BinaryHeap<Candidate>) {
         absent.sort_unstable_by(|a, b| b.cmp(a));
-        for &Candidate { error: urgency, id } in &absent {
-            if self.store.request(id, urgency) {
-                self.consider(id, 0.0);
-            } else {
+        let mut here = Vec::new();
+        for &candidate in &*absent {
+            let Candidate { error, vertex, .. } = candidate;
+            let frontier = &mut self.front.frontier;
+            let Some(id) = frontier.waits_for(vertex) else { continue };
+            if self.store.is_lost(id) {
+                self.stats.damaged += 1;
+                frontier.give_up(vertex);
+                continue;
+            }
+            let resident = self.store.node(id).is_some() || self.store.request(id, error);
+            if !resident {
                 self.stats.waiting += 1;
+            } else if !frontier.is_absent(vertex) {
+                frontier.set_blocked(vertex, None);
+                coarse.push(candidate);
+            } else if frontier.look_again(self.store, vertex) {
+                here.push(vertex);
             }
         }
         absent.clear();
-        self.absent = absent;
+        // Their own bounds are known now, so none of them is absent.
+        self.consider(&mut here, coarse, absent);
+    }
+
+    /// Moves the vertices that are on their way; those whose node is wanted again turn round.
+    fn morph(&mut self) {
+        let begin = Instant::now();
+        let below = self.limits.tolerance * self.limits.hysteresis;
+        let Front { morphs, mesh, bounds, leaves, .. } = &mut *self.front;
+        let measure = self.measure;
+        morphs.advance(mesh, |slot| {
+            let error = measure.errors(&BoundsLanes::splat(&bounds.get(slot.index())))[0];
+            !has_bit(leaves, slot.index()) || error >= below
+        });
+        self.stats.morphing = morphs.num_moving();
+        self.stats.update_time += begin.elapsed();
     }
 }

@@ -2,8 +2,9 @@
 
 use halfedge::{FaceId, HalfEdgeId};
 
-use crate::front::{Dependencies, Front};
-use crate::{NodeId, NodeStore};
+use crate::front::frontier::UNKNOWN;
+use crate::front::{Dependencies, Front, has_bit, slot_of};
+use crate::{NodeBounds, NodeId, NodeStore, SlotId};
 
 /// The first invariant found broken.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -37,6 +38,12 @@ pub enum FrontInvalid {
     /// A vertex's next split is not the unsplit node it should be.
     #[error("vertex {0} names a wrong node")]
     Cluster(u32),
+    /// What is noted for testing a slot is not what its node says.
+    #[error("the bounds noted for slot {0} are not those of its node")]
+    Leaf(u32),
+    /// A node is noted as held back by a neighbour and is not.
+    #[error("node {0} is noted as held by a neighbour and is not")]
+    Held(NodeId),
     /// With [`Dependencies::Order`], two neighbours are in states that never stood side by side in the build.
     #[error("vertices {0} and {1} are neighbours of levels too far apart")]
     Order(u32, u32),
@@ -53,7 +60,8 @@ impl Front {
     pub fn validate(&self, store: &impl NodeStore) -> Result<(), FrontInvalid> {
         self.validate_nodes(store)?;
         self.validate_faces()?;
-        self.validate_clusters(store)
+        self.validate_clusters(store)?;
+        self.validate_leaves(store)
     }
 
     fn validate_nodes(&self, store: &impl NodeStore) -> Result<(), FrontInvalid> {
@@ -96,6 +104,12 @@ impl Front {
             }
             for h in f.half_edges() {
                 let v = mesh.start(h) as usize;
+                let out = mesh.out(v as u32);
+                if !out
+                    .is_some_and(|out| mesh.start(out) as usize == v && mesh.has_face(out.face()))
+                {
+                    return Err(FrontInvalid::Fan(v as u32));
+                }
                 degree[v] += 1;
                 if first[v].is_none() || mesh.reverse(h).is_none() {
                     first[v] = Some(h);
@@ -139,28 +153,69 @@ impl Front {
             let base = store.base().vertices.len() as u32;
             v < base || self.slots[(v - base) as usize].node.is_some()
         };
-        // A node that is not resident has an order below that of its parent; more is not known.
-        let lower = |v: u32| {
-            self.clusters[v as usize].top.and_then(|top| store.node(top)).map_or(0, |n| n.order)
-        };
-        for v in (0..self.clusters.len() as u32).filter(|&v| live_slot(v)) {
-            let cluster = self.clusters[v as usize];
+        let (_, present) = self.frontier.table();
+        for v in 0..self.frontier.len() as u32 {
+            let cluster = self.frontier.get(v);
+            if cluster.top.is_some() != has_bit(present, v as usize)
+                || !live_slot(v) && cluster.top.is_some()
+            {
+                return Err(FrontInvalid::Cluster(v));
+            }
+            if !live_slot(v) {
+                continue;
+            }
             if let Some(node) = cluster.top.and_then(|top| store.node(top)) {
                 let upper = node.parent.and_then(|p| store.node(p)).map_or(u32::MAX, |p| p.order);
-                if node.slot.is_some() || upper != cluster.upper {
+                let parent = node.parent.and_then(|p| slot_of(store, p));
+                let bounds_are_its = self.frontier.is_absent(v)
+                    || self.frontier.bounds(v) == NodeBounds::from(node)
+                        && cluster.lower == node.order;
+                if node.slot.is_some()
+                    || upper != cluster.upper
+                    || parent != cluster.parent
+                    || !bounds_are_its
+                {
                     return Err(FrontInvalid::Cluster(v));
                 }
             }
         }
         if self.dependencies == Dependencies::Order {
+            // Of a node that was never resident no more is known than that its order is below that of its parent.
+            let lower = |v: u32| match self.frontier.get(v).lower {
+                UNKNOWN => 0,
+                lower => lower,
+            };
             for &[a, b, c] in self.mesh.triangles.iter().filter(|&&t| t != [0; 3]) {
                 for (s, t) in [(a, b), (b, c), (c, a)] {
-                    if lower(s) > self.clusters[t as usize].upper
-                        || lower(t) > self.clusters[s as usize].upper
+                    if lower(s) > self.frontier.get(t).upper
+                        || lower(t) > self.frontier.get(s).upper
                     {
                         return Err(FrontInvalid::Order(s, t));
                     }
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// What a scan reads of split nodes: bounds and leaves. What is noted as held cannot be collapsed.
+    fn validate_leaves(&self, store: &impl NodeStore) -> Result<(), FrontInvalid> {
+        for (index, slot) in self.slots.iter().enumerate() {
+            let is_leaf = slot.node.is_some() && slot.num_split_children == 0;
+            if has_bit(&self.leaves, index) != is_leaf {
+                return Err(FrontInvalid::Leaf(index as u32));
+            }
+            let Some(id) = slot.node else { continue };
+            let node = store.node(id).ok_or(FrontInvalid::Slot(id))?;
+            if self.bounds.get(index) != NodeBounds::from(node) {
+                return Err(FrontInvalid::Leaf(index as u32));
+            }
+            let slot = SlotId::from_index(index);
+            if is_leaf
+                && self.held.is_held(index, &self.frontier, &self.slots)
+                && self.look_at_collapse(slot, id, node).is_ok()
+            {
+                return Err(FrontInvalid::Held(id));
             }
         }
         Ok(())

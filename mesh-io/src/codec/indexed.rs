@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::{Error, Frame, Triangle, TriangleSource};
+use crate::{Colour, Error, Frame, Triangle, TriangleSource};
 
 /// A reader that has the positions at hand while it goes through the faces.
 pub(crate) trait IndexedReader {
@@ -11,6 +11,12 @@ pub(crate) trait IndexedReader {
 
     /// Appends the corners' positions of these triangles; NaN for vertices that are not there.
     fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>);
+
+    /// Whether vertices have colours.
+    fn has_colours(&self) -> bool;
+
+    /// Appends the corners' colours of these triangles; white for vertices that are not there. Nothing without colours.
+    fn look_up_colours(&self, triangles: &[[u32; 3]], out: &mut Vec<[Colour; 3]>);
 
     /// As [`TriangleSource::triangle_count`].
     fn triangle_count(&self) -> Option<u64>;
@@ -93,6 +99,19 @@ impl<I: IndexedReader> TriangleSource for IndexedSource<I> {
         let count = batch.len();
         numbers.extend(self.pending[batch].iter().map(|triangle| triangle.map(u64::from)));
         Ok(count)
+    }
+
+    fn has_colours(&self) -> bool {
+        self.reader.has_colours()
+    }
+
+    fn look_up_colours(&mut self, numbers: &[[u64; 3]], out: &mut Vec<[Colour; 3]>) {
+        let narrow = |v: u64| u32::try_from(v).unwrap_or(u32::MAX);
+        for part in numbers.chunks(1024) {
+            self.looked_up.clear();
+            self.looked_up.extend(part.iter().map(|triangle| triangle.map(narrow)));
+            self.reader.look_up_colours(&self.looked_up, out);
+        }
     }
 
     fn look_up(&mut self, numbers: &[[u64; 3]], out: &mut Vec<Triangle>) {

@@ -7,7 +7,8 @@ use gltf::buffer::View;
 
 use super::buffers::Buffers;
 use super::{EXPORT_AGAIN, malformed};
-use crate::Error;
+use crate::mesh::colour_byte;
+use crate::{Colour, Error};
 
 /// The most elements an accessor without any bytes may have; beyond that only a broken file asks for zeros.
 const MAX_ZEROS: usize = 1 << 24;
@@ -80,23 +81,52 @@ pub(super) fn positions(
         return Err(malformed(buffers.name(), problem, EXPORT_AGAIN));
     }
     let (kind, normalized) = (accessor.data_type(), accessor.normalized());
-    let point = |bytes: &[u8]| {
+    elements(buffers, accessor, Vec3::ZERO, |bytes| {
         let step = kind.size();
         let at = |axis: usize| real(bytes.get(axis * step..).unwrap_or(&[]), kind, normalized);
         Vec3::new(at(0), at(1), at(2))
-    };
+    })
+}
+
+/// The colours of an accessor, of three components or four; integers are fractions of the largest one.
+pub(super) fn colours(
+    buffers: &mut Buffers<'_>,
+    accessor: &Accessor<'_>,
+) -> Result<Vec<Colour>, Error> {
+    let has_alpha = accessor.dimensions() == Dimensions::Vec4;
+    let kind = accessor.data_type();
+    let fits = matches!(kind, DataType::F32 | DataType::U8 | DataType::U16);
+    if !fits || !(has_alpha || accessor.dimensions() == Dimensions::Vec3) {
+        let problem = format!("the colours in accessor {} are none", accessor.index());
+        return Err(malformed(buffers.name(), problem, EXPORT_AGAIN));
+    }
+    elements(buffers, accessor, [0, 0, 0, if has_alpha { 0 } else { 255 }], |bytes| {
+        let step = kind.size();
+        let at = |i: usize| colour_byte(real(bytes.get(i * step..).unwrap_or(&[]), kind, true));
+        [at(0), at(1), at(2), if has_alpha { at(3) } else { 255 }]
+    })
+}
+
+/// The elements of an accessor, sparse replacements included; `zero` is what one is without data.
+fn elements<T: Copy>(
+    buffers: &mut Buffers<'_>,
+    accessor: &Accessor<'_>,
+    zero: T,
+    element: impl Fn(&[u8]) -> T,
+) -> Result<Vec<T>, Error> {
+    let what = format!("accessor {}", accessor.index());
     let (count, size) = (accessor.count(), accessor.size());
-    let mut positions = Vec::new();
+    let mut all = Vec::new();
     match accessor.view() {
         Some(view) => {
             let shape = [accessor.offset(), count, size];
-            for_each(buffers, &view, shape, &what, |_, bytes| positions.push(point(bytes)))?;
+            for_each(buffers, &view, shape, &what, |_, bytes| all.push(element(bytes)))?;
         }
         None if count > MAX_ZEROS => {
             let problem = format!("{what} has {count} elements and no data");
             return Err(malformed(buffers.name(), problem, EXPORT_AGAIN));
         }
-        None => positions.resize(count, Vec3::ZERO),
+        None => all.resize(count, zero),
     }
     if let Some(sparse) = accessor.sparse() {
         let mut places = Vec::new();
@@ -115,8 +145,8 @@ pub(super) fn positions(
         let mut stray = None;
         for_each(buffers, &values.view(), shape, &what, |at, bytes| {
             let place = places.get(at).copied().unwrap_or(u32::MAX);
-            match positions.get_mut(place as usize) {
-                Some(position) => *position = point(bytes),
+            match all.get_mut(place as usize) {
+                Some(old) => *old = element(bytes),
                 None => stray = Some(place),
             }
         })?;
@@ -125,7 +155,7 @@ pub(super) fn positions(
             return Err(malformed(buffers.name(), problem, EXPORT_AGAIN));
         }
     }
-    Ok(positions)
+    Ok(all)
 }
 
 /// The indices of an accessor.

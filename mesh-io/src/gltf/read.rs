@@ -10,6 +10,7 @@ use gltf::{Document, Mesh, Node, Primitive};
 use super::buffers::{Buffers, split};
 use super::{EXPORT_AGAIN, accessor, malformed};
 use crate::codec::input::Input;
+use crate::mesh::WHITE;
 use crate::{Error, IndexedMesh, Place};
 
 /// Required extensions that say nothing about where triangles are, or that we know.
@@ -148,19 +149,22 @@ impl SceneReader<'_> {
 
     fn add_mesh(&mut self, mesh: &Mesh<'_>, transform: DMat4) -> Result<(), Error> {
         // Primitives often share one list of positions: it is taken over once.
-        let mut taken: Vec<(usize, u32, u32)> = Vec::new();
+        let mut taken: Vec<([Option<usize>; 2], u32, u32)> = Vec::new();
         for primitive in mesh.primitives() {
             let mode = primitive.mode();
             if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
                 continue;
             }
             let Some(source) = primitive.get(&gltf::Semantic::Positions) else { continue };
-            let known = taken.iter().find(|&&(index, ..)| index == source.index());
+            let colours = primitive.get(&gltf::Semantic::Colors(0));
+            let key = [Some(source.index()), colours.as_ref().map(|colours| colours.index())];
+            let known = taken.iter().find(|&&(other, ..)| other == key);
             let (base, count) = match known {
                 Some(&(_, base, count)) => (base, count),
                 None => {
                     let (base, count) = self.add_positions(&source, transform)?;
-                    taken.push((source.index(), base, count));
+                    self.add_colours(colours.as_ref(), count)?;
+                    taken.push((key, base, count));
                     (base, count)
                 }
             };
@@ -194,6 +198,33 @@ impl SceneReader<'_> {
             self.mesh.positions.extend(positions.into_iter().map(place));
         }
         Ok((first, count))
+    }
+
+    /// The colours of the positions that came last, `count` of them.
+    fn add_colours(
+        &mut self,
+        source: Option<&gltf::Accessor<'_>>,
+        count: u32,
+    ) -> Result<(), Error> {
+        let IndexedMesh { positions, colours: all, .. } = &mut self.mesh;
+        let Some(source) = source else {
+            if !all.is_empty() {
+                all.resize(positions.len(), WHITE);
+            }
+            return Ok(());
+        };
+        let colours = accessor::colours(&mut self.buffers, source)?;
+        if colours.len() != count as usize {
+            let problem = format!(
+                "accessor {} has {} colours, which are not as many as there are positions",
+                source.index(),
+                colours.len()
+            );
+            return Err(malformed(self.buffers.name(), problem, EXPORT_AGAIN));
+        }
+        all.resize(positions.len() - colours.len(), WHITE);
+        all.extend(colours);
+        Ok(())
     }
 
     fn add_triangles(

@@ -14,11 +14,12 @@ use crate::{Error, Frame, IndexedMesh, IndexedSource, Triangle, TriangleSink};
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
+const UNSIGNED_BYTE: u32 = 5121;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 const TRIANGLES: u32 = 4;
 
-/// Bytes of a position and of a triangle's indices alike; a multiple of three, so that base64 needs no padding, and of
+/// Bytes of a position, of a triangle's indices and of three colours alike; a multiple of three, so that base64 needs no padding, and of
 /// four, so that everything in the buffer is aligned.
 const ITEM_BYTES: usize = 12;
 
@@ -41,7 +42,9 @@ pub(crate) fn write_mesh<W: Write>(
     container: Container,
     frame: Frame,
 ) -> Result<(), Error> {
-    let bytes = mesh.num_vertices().saturating_add(mesh.num_triangles()) * ITEM_BYTES as u64;
+    let colours = if mesh.has_colours() { mesh.num_vertices().div_ceil(3) } else { 0 };
+    let items = mesh.num_vertices().saturating_add(mesh.num_triangles()).saturating_add(colours);
+    let bytes = items * ITEM_BYTES as u64;
     let bytes = if mesh.num_triangles() == 0 { 0 } else { bytes };
     let bounds = bounds(mesh, frame, pen.name())?;
     let json = describe(mesh, bytes, bounds, container).to_string();
@@ -95,7 +98,7 @@ pub(crate) fn write_mesh<W: Write>(
     pen.flush()
 }
 
-/// Positions, then indices, item by item.
+/// Positions, then indices, then colours if there are any, item by item.
 fn put_buffer<W: Write>(
     pen: &mut Pen<W>,
     mesh: &mut dyn IndexedSource,
@@ -117,7 +120,21 @@ fn put_buffer<W: Write>(
     })?;
     mesh.each_triangle(&mut |triangles| {
         triangles.iter().map(|t| t.map(u32::to_le_bytes)).try_for_each(&mut put)
-    })
+    })?;
+    // Three make an item; the last one may lack some.
+    let (mut item, mut held) = ([[0; 4]; 3], 0);
+    mesh.each_vertex(&mut |_, colours| {
+        for &colour in colours {
+            item[held] = colour;
+            held += 1;
+            if held == 3 {
+                put(std::mem::take(&mut item))?;
+                held = 0;
+            }
+        }
+        Ok(())
+    })?;
+    if held > 0 { put(item) } else { Ok(()) }
 }
 
 /// Least and largest coordinates as they are written; without vertices not a range.
@@ -152,43 +169,63 @@ fn describe(
         return json!({ "asset": asset });
     }
     let split = mesh.num_vertices() * ITEM_BYTES as u64;
+    let indices = mesh.num_triangles() * ITEM_BYTES as u64;
     let buffer = match container {
         Container::Json => json!({ "byteLength": bytes, "uri": DATA_URI }),
         Container::Binary => json!({ "byteLength": bytes }),
     };
+    let mut attributes = json!({ "POSITION": 0 });
+    let mut accessors = vec![
+        json!({
+            "bufferView": 0,
+            "componentType": FLOAT,
+            "count": mesh.num_vertices(),
+            "type": "VEC3",
+            "min": low.to_array(),
+            "max": high.to_array()
+        }),
+        json!({
+            "bufferView": 1,
+            "componentType": UNSIGNED_INT,
+            "count": 3 * mesh.num_triangles(),
+            "type": "SCALAR"
+        }),
+    ];
+    let mut views = vec![
+        json!({ "buffer": 0, "byteOffset": 0, "byteLength": split, "target": ARRAY_BUFFER }),
+        json!({
+            "buffer": 0,
+            "byteOffset": split,
+            "byteLength": indices,
+            "target": ELEMENT_ARRAY_BUFFER
+        }),
+    ];
+    if mesh.has_colours() {
+        attributes["COLOR_0"] = json!(2);
+        accessors.push(json!({
+            "bufferView": 2,
+            "componentType": UNSIGNED_BYTE,
+            "normalized": true,
+            "count": mesh.num_vertices(),
+            "type": "VEC4"
+        }));
+        views.push(json!({
+            "buffer": 0,
+            "byteOffset": split + indices,
+            "byteLength": 4 * mesh.num_vertices(),
+            "target": ARRAY_BUFFER
+        }));
+    }
     json!({
         "asset": asset,
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
         "nodes": [{ "mesh": 0 }],
         "meshes": [{
-            "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "mode": TRIANGLES }]
+            "primitives": [{ "attributes": attributes, "indices": 1, "mode": TRIANGLES }]
         }],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": FLOAT,
-                "count": mesh.num_vertices(),
-                "type": "VEC3",
-                "min": low.to_array(),
-                "max": high.to_array()
-            },
-            {
-                "bufferView": 1,
-                "componentType": UNSIGNED_INT,
-                "count": 3 * mesh.num_triangles(),
-                "type": "SCALAR"
-            }
-        ],
-        "bufferViews": [
-            { "buffer": 0, "byteOffset": 0, "byteLength": split, "target": ARRAY_BUFFER },
-            {
-                "buffer": 0,
-                "byteOffset": split,
-                "byteLength": bytes - split,
-                "target": ELEMENT_ARRAY_BUFFER
-            }
-        ],
+        "accessors": accessors,
+        "bufferViews": views,
         "buffers": [buffer]
     })
 }

@@ -10,7 +10,8 @@ use crate::codec::plain::Plain;
 use crate::codec::polygon::triangulate;
 use crate::codec::text::{Fault, Tokens, is_blank, trim_start};
 use crate::frame::Framing;
-use crate::{Error, Frame, IndexedMesh, Place, Triangle};
+use crate::mesh::{WHITE, colour_byte};
+use crate::{Colour, Error, Frame, IndexedMesh, Place, Triangle};
 
 const EXPORT_AGAIN: &str = "correct that line or export the mesh again";
 
@@ -54,6 +55,8 @@ pub(crate) struct ObjReader<R> {
 /// What was read so far.
 struct Model {
     positions: Vec<Vec3>,
+    /// As many, if the first position has one; else none.
+    colours: Vec<Colour>,
     framing: Framing,
     /// Chosen with the first position.
     frame: Frame,
@@ -209,6 +212,7 @@ impl Model {
     fn new(framing: Framing) -> Self {
         Self {
             positions: Vec::new(),
+            colours: Vec::new(),
             framing,
             frame: Frame::default(),
             recognized: false,
@@ -228,7 +232,13 @@ impl Model {
                 return None;
             }
             let position = text.point(&self.frame)?;
-            plain_rest(text)?;
+            if !self.colours.is_empty() {
+                let rgb = [text.real::<f32>()?, text.real()?, text.real()?];
+                plain_rest(text)?;
+                self.colours.push(colour_of(rgb));
+            } else {
+                plain_rest(text)?;
+            }
             self.positions.push(position);
         } else if text.skip(b"f ").is_some() {
             self.polygon.clear();
@@ -269,6 +279,14 @@ impl Model {
                     return Err(Problem::TooManyVertices);
                 }
                 self.recognized = true;
+                let mut fraction = || tokens.real::<f32>().ok();
+                let rgb = fraction().zip(fraction()).zip(fraction());
+                let colour = rgb.map(|((r, g), b)| colour_of([r, g, b]));
+                if !self.colours.is_empty() {
+                    self.colours.push(colour.unwrap_or(WHITE));
+                } else if self.positions.is_empty() {
+                    self.colours.extend(colour);
+                }
                 self.positions.push(position);
                 Ok(0)
             }
@@ -359,6 +377,18 @@ impl<R: Read> IndexedReader for ObjReader<R> {
         out.extend(triangles.iter().map(|&[a, b, c]| [position(a), position(b), position(c)]));
     }
 
+    fn has_colours(&self) -> bool {
+        !self.model.colours.is_empty()
+    }
+
+    fn look_up_colours(&self, triangles: &[[u32; 3]], out: &mut Vec<[Colour; 3]>) {
+        let colours = &self.model.colours;
+        if !colours.is_empty() {
+            let colour = |v: u32| colours.get(v as usize).copied().unwrap_or(WHITE);
+            out.extend(triangles.iter().map(|triangle| triangle.map(colour)));
+        }
+    }
+
     fn triangle_count(&self) -> Option<u64> {
         None
     }
@@ -370,6 +400,13 @@ impl<R: Read> IndexedReader for ObjReader<R> {
     fn frame(&self) -> Frame {
         self.model.frame
     }
+}
+
+/// The colour after a position: three fractions.
+#[inline]
+fn colour_of(rgb: [f32; 3]) -> Colour {
+    let [r, g, b] = rgb.map(colour_byte);
+    [r, g, b, 255]
 }
 
 /// The rest of a line that does not go on in the next one.
@@ -387,6 +424,6 @@ pub(crate) fn read_mesh<R: Read>(
     let mut reader = ObjReader::new(input, framing)?;
     let mut triangles = Vec::new();
     while reader.read_indices(&mut triangles, 1 << 16)? > 0 {}
-    let Model { positions, frame, .. } = reader.model;
-    Ok((IndexedMesh { positions, triangles }, frame))
+    let Model { positions, colours, frame, .. } = reader.model;
+    Ok((IndexedMesh { positions, triangles, colours }, frame))
 }

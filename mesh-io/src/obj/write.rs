@@ -7,13 +7,22 @@ use glam::Vec3;
 use crate::codec::output::{BoxedOutput, Pen};
 use crate::codec::text::write_point;
 use crate::codec::weld::Welder;
-use crate::{Error, Frame, IndexedSource, Triangle, TriangleSink};
+use crate::{Colour, Error, Frame, IndexedSource, Triangle, TriangleSink};
 
 const TITLE: &[u8] = b"# written by mesh-io\n";
 
-fn put_vertex(out: &mut Vec<u8>, position: Vec3, frame: &Frame) -> io::Result<()> {
+fn put_vertex(
+    out: &mut Vec<u8>,
+    position: Vec3,
+    colour: Option<Colour>,
+    frame: &Frame,
+) -> io::Result<()> {
     out.extend_from_slice(b"v ");
     write_point(out, position, frame)?;
+    // The format has no alpha here.
+    for byte in colour.into_iter().flat_map(|[r, g, b, _]| [r, g, b]) {
+        write!(out, " {}", f32::from(byte) / 255.0)?;
+    }
     out.push(b'\n');
     Ok(())
 }
@@ -30,8 +39,11 @@ pub(crate) fn write_mesh<W: Write>(
     frame: Frame,
 ) -> Result<(), Error> {
     pen.bytes(TITLE)?;
-    mesh.each_position(&mut |positions| {
-        positions.iter().try_for_each(|&p| pen.put(|out| put_vertex(out, p, &frame)))
+    mesh.each_vertex(&mut |positions, colours| {
+        let mut colours = colours.iter().copied();
+        positions
+            .iter()
+            .try_for_each(|&p| pen.put(|out| put_vertex(out, p, colours.next(), &frame)))
     })?;
     mesh.each_triangle(&mut |triangles| {
         triangles.iter().try_for_each(|&t| pen.put(|out| put_face(out, t)))
@@ -72,7 +84,7 @@ impl TriangleSink for ObjSink<'_> {
                     });
                 };
                 if new {
-                    self.pen.put(|out| put_vertex(out, position, &self.frame))?;
+                    self.pen.put(|out| put_vertex(out, position, None, &self.frame))?;
                 }
                 *index = vertex;
             }

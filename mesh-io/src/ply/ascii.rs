@@ -7,13 +7,15 @@ use glam::Vec3;
 
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use super::header::{Element, Kind, Property};
+use super::header::{Element, Kind, Property, Scalar, VertexPlaces};
+use super::positions::Vertices;
 use super::rows::{EXPORT_AGAIN, MissingRows};
 use crate::codec::input::{Input, LineEnd};
 use crate::codec::plain::Plain;
 use crate::codec::text::{Fault, Tokens};
 use crate::frame::Framing;
-use crate::{Error, Frame};
+use crate::mesh::WHITE;
+use crate::{Colour, Error, Frame};
 
 /// Bytes of text that a thread parses at a time.
 const PIECE: usize = 256 << 10;
@@ -85,9 +87,9 @@ pub(super) fn ascii_skip(tokens: &mut Tokens<'_>, property: &Property) -> Result
 /// The row of a vertex.
 struct VertexRow<'a> {
     tokens: Tokens<'a>,
-    /// Up to the last coordinate.
+    /// Up to the last one that matters.
     properties: &'a [Property],
-    axes: [usize; 3],
+    places: VertexPlaces,
 }
 
 impl VertexRow<'_> {
@@ -95,12 +97,26 @@ impl VertexRow<'_> {
         let mut tokens = self.tokens;
         let mut coordinates = [T::from(0.0); 3];
         for (place, property) in self.properties.iter().enumerate() {
-            match self.axes.iter().position(|&axis| axis == place) {
+            match self.places.axes.iter().position(|&axis| axis == place) {
                 Some(axis) => coordinates[axis] = tokens.real()?,
                 None => ascii_skip(&mut tokens, property)?,
             }
         }
         Ok(coordinates)
+    }
+
+    fn colour(&self) -> Result<Colour, Fault> {
+        let mut tokens = self.tokens;
+        let mut colour = WHITE;
+        for (place, property) in self.properties.iter().enumerate() {
+            match (self.places.component(place), property.kind) {
+                (Some(component), Kind::One(scalar)) => {
+                    colour[component] = scalar.colour_byte(tokens.real()?);
+                }
+                _ => ascii_skip(&mut tokens, property)?,
+            }
+        }
+        Ok(colour)
     }
 
     fn position(&self, frame: &Frame) -> Result<Vec3, Fault> {
@@ -112,70 +128,107 @@ impl VertexRow<'_> {
     }
 }
 
-/// The positions, and the frame they are in.
+/// The vertices, and the frame they are in.
 pub(super) fn ascii_vertices<R: Read>(
     input: &mut Input<R>,
     element: &Element,
-    axes: [usize; 3],
+    places: VertexPlaces,
     framing: Framing,
-) -> Result<(Vec<Vec3>, Frame), Error> {
-    let mut positions = Vec::with_capacity(input.plausible(element.count, 6));
-    let last = axes.into_iter().max().unwrap_or(0);
+) -> Result<(Vertices, Frame), Error> {
+    let mut vertices = Vertices::default();
+    vertices.positions.reserve_exact(input.plausible(element.count, 6));
+    let properties = &element.properties[..=places.last()];
+    let plain = PlainRow::new(properties, places);
     let mut chosen = None;
-    while (positions.len() as u64) < element.count {
+    while (vertices.positions.len() as u64) < element.count {
         if let Some(frame) = &chosen
-            && axes == [0, 1, 2]
-            && take_plain_points(input, frame, element.count, &mut positions)?
+            && let Some(plain) = &plain
+            && take_plain_vertices(input, plain, frame, element.count, &mut vertices)?
         {
             continue;
         }
         let line = row_line(input, MissingRows(element))?;
         let tokens = Tokens::new(input.text(line));
-        let row = VertexRow { tokens, properties: &element.properties[..=last], axes };
+        let row = VertexRow { tokens, properties, places };
         let explain = |fault| row_fault(input, fault, element);
         let frame = match chosen {
             Some(frame) => frame,
             None => framing.choose(row.coordinates().map_err(explain)?.into()),
         };
-        positions.push(row.position(&frame).map_err(explain)?);
+        vertices.positions.push(row.position(&frame).map_err(explain)?);
+        if places.colour.is_some() {
+            vertices.colours.push(row.colour().map_err(explain)?);
+        }
         chosen = Some(frame);
     }
-    Ok((positions, chosen.unwrap_or_default()))
+    Ok((vertices, chosen.unwrap_or_default()))
 }
 
-/// Takes rows that begin with plain coordinates straight from the window, on all threads of the current pool, up to
-/// `count` positions in all; says whether there was one.
-fn take_plain_points<R: Read>(
+/// What follows x, y and z in rows that begin with them, up to the last number that matters.
+struct PlainRow {
+    /// Of each number which component of the colour it is, and its type; empty without colours.
+    after: Vec<(Option<usize>, Scalar)>,
+}
+
+impl PlainRow {
+    /// `None` for rows that are not so simple.
+    fn new(properties: &[Property], places: VertexPlaces) -> Option<Self> {
+        let true = places.axes == [0, 1, 2] else { return None };
+        let after = properties.iter().enumerate().skip(3).map(|(place, property)| {
+            let Kind::One(scalar) = property.kind else { return None };
+            Some((places.component(place), scalar))
+        });
+        Some(Self { after: after.collect::<Option<_>>()? })
+    }
+
+    #[inline]
+    fn colour(&self, text: &mut Plain<'_>) -> Option<Colour> {
+        let mut colour = WHITE;
+        for &(component, scalar) in &self.after {
+            let value = text.real::<f64>()?;
+            if let Some(component) = component {
+                colour[component] = scalar.colour_byte(value);
+            }
+        }
+        Some(colour)
+    }
+}
+
+/// Takes rows that begin with plain numbers straight from the window, on all threads of the current pool, up to `count`
+/// vertices in all; says whether there was one.
+fn take_plain_vertices<R: Read>(
     input: &mut Input<R>,
+    row: &PlainRow,
     frame: &Frame,
     count: u64,
-    positions: &mut Vec<Vec3>,
+    vertices: &mut Vertices,
 ) -> Result<bool, Error> {
     if input.fill(PIECE)? >= PIECE {
         input.fill(PIECE * rayon::current_num_threads())?;
     }
     let pieces = pieces(input.window());
-    let before = positions.len();
-    let parse = |piece: &[u8], max| plain_points(piece, frame, max);
+    let before = vertices.positions.len();
+    let parse = |piece: &[u8], max| plain_vertices(piece, row, frame, max);
     let most = usize::try_from(count).unwrap_or(usize::MAX) - before;
     let parsed: Vec<_> = match *pieces {
         [piece] => vec![parse(piece, most)],
         _ => pieces.par_iter().map(|piece| parse(piece, most)).collect(),
     };
     let mut taken = 0;
-    for (piece, (mut points, mut bytes)) in pieces.into_iter().zip(parsed) {
-        let left = most - (positions.len() - before);
-        if points.len() > left {
+    for (piece, (mut some, mut bytes)) in pieces.into_iter().zip(parsed) {
+        let left = most - (vertices.positions.len() - before);
+        if some.positions.len() > left {
             // Other rows follow in this piece, which look like these.
-            (points, bytes) = parse(piece, left);
+            (some, bytes) = parse(piece, left);
         }
-        positions.extend(points);
+        vertices.positions.extend(some.positions);
+        vertices.colours.extend(some.colours);
         taken += bytes;
         if bytes < piece.len() {
             break;
         }
     }
-    let rows = positions.len() - before;
+    let rows = vertices.positions.len() - before;
     input.consume_lines(taken, rows as u64);
     Ok(rows > 0)
 }
@@ -194,19 +247,26 @@ fn pieces(mut text: &[u8]) -> Vec<&[u8]> {
     pieces
 }
 
-/// The positions of the rows, at most `max`, that come before the first that does not begin with plain coordinates, and
-/// the bytes these rows take.
-fn plain_points(rows: &[u8], frame: &Frame, max: usize) -> (Vec<Vec3>, usize) {
-    let mut positions = Vec::with_capacity((rows.len() / MIN_ROW).min(max));
+/// The vertices of the rows, at most `max`, that come before the first that does not begin with plain numbers, and the
+/// bytes these rows take.
+fn plain_vertices(rows: &[u8], row: &PlainRow, frame: &Frame, max: usize) -> (Vertices, usize) {
+    let mut vertices = Vertices::default();
+    vertices.positions.reserve_exact((rows.len() / MIN_ROW).min(max));
     let mut text = Plain::new(rows);
     let mut taken = 0;
-    while positions.len() < max {
+    while vertices.positions.len() < max {
         let Some(position) = text.point(frame) else { break };
-        let Some(_) = text.rest_of_line() else { break };
-        positions.push(position);
+        if row.after.is_empty() {
+            let Some(_) = text.rest_of_line() else { break };
+        } else {
+            let Some(colour) = row.colour(&mut text) else { break };
+            let Some(_) = text.rest_of_line() else { break };
+            vertices.colours.push(colour);
+        }
+        vertices.positions.push(position);
         taken = text.at();
     }
-    (positions, taken)
+    (vertices, taken)
 }
 
 /// Takes rows that begin with a list of three plain indices below `num_vertices` straight from the window, at most `max`;

@@ -5,6 +5,7 @@ use std::io::Read;
 use crate::Error;
 use crate::codec::input::{Input, LineEnd};
 use crate::codec::text::Tokens;
+use crate::mesh::colour_byte;
 
 const REMEDY: &str = "export the mesh again";
 
@@ -83,6 +84,16 @@ impl Scalar {
         }
     }
 
+    /// A value of this type as a byte of a colour: that of a floating-point type is a fraction.
+    #[inline]
+    pub(super) fn colour_byte(self, value: f64) -> u8 {
+        match self {
+            Self::F32 | Self::F64 => colour_byte(value as f32),
+            Self::U16 => (value / 257.0).round() as u8,
+            _ => value as u8,
+        }
+    }
+
     /// Whether it has values that `f32` has not.
     pub(super) fn exceeds_single(self) -> bool {
         matches!(self, Self::F64 | Self::I32 | Self::U32)
@@ -112,11 +123,52 @@ pub(super) struct Property {
     pub(super) kind: Kind,
 }
 
+/// The properties of vertices that matter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct VertexPlaces {
+    /// Those that are x, y and z.
+    pub(super) axes: [usize; 3],
+    /// Those that are components of the colour, if the vertices have one.
+    pub(super) colour: Option<Components<usize>>,
+}
+
+/// What belongs to the components of a colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Components<T> {
+    /// Red, green, blue.
+    pub(super) rgb: [T; 3],
+    pub(super) alpha: Option<T>,
+}
+
+impl<T> Components<T> {
+    pub(super) fn map<U>(self, f: impl Fn(T) -> U) -> Components<U> {
+        Components { rgb: self.rgb.map(&f), alpha: self.alpha.map(f) }
+    }
+}
+
+impl VertexPlaces {
+    /// The last one of them.
+    pub(super) fn last(&self) -> usize {
+        let colour = self.colour.iter().flat_map(|c| c.rgb.iter().chain(&c.alpha));
+        self.axes.iter().chain(colour).copied().max().unwrap_or(0)
+    }
+
+    /// Which component of the colour a property is.
+    #[inline]
+    pub(super) fn component(&self, place: usize) -> Option<usize> {
+        let Components { rgb, alpha } = self.colour?;
+        match rgb.iter().position(|&p| p == place) {
+            None if alpha == Some(place) => Some(3),
+            component => component,
+        }
+    }
+}
+
 /// What an element is to us.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
-    /// Positions; the properties that are x, y and z.
-    Vertices([usize; 3]),
+    /// Positions and colours.
+    Vertices(VertexPlaces),
     /// Polygons; the property that lists the corners.
     Faces(usize),
     /// Triangle strips, −1 between them; the property that lists the corners.
@@ -231,7 +283,8 @@ fn assign_roles(elements: &mut [Element]) -> Result<(), String> {
         element.role = match element.name.as_slice() {
             b"vertex" if !has_vertices => {
                 has_vertices = true;
-                Role::Vertices(coordinates(element)?)
+                let (axes, colour) = (coordinates(element)?, colour(element));
+                Role::Vertices(VertexPlaces { axes, colour })
             }
             b"face" => Role::Faces(corner_list(element)?),
             b"tristrips" => Role::Strips(corner_list(element)?),
@@ -257,6 +310,20 @@ fn coordinates(element: &Element) -> Result<[usize; 3], String> {
             .ok_or_else(|| format!("the vertices have no property `{axis}`"))?;
     }
     Ok(places)
+}
+
+/// Where the colour is, if there is one.
+fn colour(element: &Element) -> Option<Components<usize>> {
+    let place = |names: [&str; 3]| {
+        let place = element.position_of(&names)?;
+        matches!(element.properties[place].kind, Kind::One(_)).then_some(place)
+    };
+    let rgb = [
+        place(["red", "diffuse_red", "r"])?,
+        place(["green", "diffuse_green", "g"])?,
+        place(["blue", "diffuse_blue", "b"])?,
+    ];
+    Some(Components { rgb, alpha: place(["alpha", "diffuse_alpha", "a"]) })
 }
 
 /// The list of corners; an element without rows may lack it.

@@ -6,15 +6,17 @@ use std::io;
 use glam::{DVec3, Vec3};
 use memmap2::Mmap;
 
-use super::header::{Element, Kind, Scalar};
+use super::header::{Components, Element, Kind, Scalar, VertexPlaces};
 use crate::frame::Framing;
-use crate::{Frame, Triangle};
+use crate::mesh::WHITE;
+use crate::{Colour, Frame, Triangle};
 
 /// Where the coordinates are in a row of fixed size.
 #[derive(Clone, Copy)]
 pub(super) struct Layout {
     pub(super) stride: usize,
     axes: [(usize, Scalar); 3],
+    colour: Option<Components<(usize, Scalar)>>,
     /// Where x, y and z lie side by side in single precision, which almost all files have.
     singles: Option<usize>,
     big: bool,
@@ -22,7 +24,7 @@ pub(super) struct Layout {
 
 impl Layout {
     /// `None` if rows vary in size.
-    pub(super) fn new(element: &Element, axes: [usize; 3], big: bool) -> Option<Self> {
+    pub(super) fn new(element: &Element, places: VertexPlaces, big: bool) -> Option<Self> {
         let stride = element.stride()?;
         let mut offsets = Vec::with_capacity(element.properties.len());
         let mut offset = 0;
@@ -31,11 +33,12 @@ impl Layout {
             offsets.push((offset, scalar));
             offset += scalar.size();
         }
-        let axes = axes.map(|axis| offsets[axis]);
+        let axes = places.axes.map(|axis| offsets[axis]);
+        let colour = places.colour.map(|components| components.map(|place| offsets[place]));
         let first = axes[0].0;
         let expected = [0, 4, 8].map(|offset| (first + offset, Scalar::F32));
         let singles = (axes == expected).then_some(first);
-        Some(Self { stride, axes, singles, big })
+        Some(Self { stride, axes, colour, singles, big })
     }
 
     /// The frame to hand positions out in, by the first row.
@@ -62,6 +65,25 @@ impl Layout {
     }
 }
 
+impl Layout {
+    pub(super) fn has_colour(&self) -> bool {
+        self.colour.is_some()
+    }
+
+    /// The colour in a row of at least `stride` bytes; white without colours.
+    #[inline]
+    pub(super) fn colour(&self, row: &[u8]) -> Colour {
+        let Some(Components { rgb, alpha }) = self.colour else { return WHITE };
+        let byte = |(offset, scalar): (usize, Scalar)| match (row.get(offset..), scalar) {
+            (Some(&[byte, ..]), Scalar::U8) => byte,
+            (Some(bytes), _) => scalar.colour_byte(scalar.real(bytes, self.big)),
+            (None, _) => 255,
+        };
+        let [r, g, b] = rgb.map(byte);
+        [r, g, b, alpha.map_or(255, byte)]
+    }
+}
+
 /// A position in single precision at the start of `bytes`.
 #[inline]
 fn single(bytes: &[u8], big: bool) -> Option<Vec3> {
@@ -73,9 +95,17 @@ fn single(bytes: &[u8], big: bool) -> Option<Vec3> {
     Some(Vec3::new(real(x), real(y), real(z)))
 }
 
-/// Positions by vertex.
+/// Vertices in memory.
+#[derive(Default)]
+pub(super) struct Vertices {
+    pub(super) positions: Vec<Vec3>,
+    /// As many, or none.
+    pub(super) colours: Vec<Colour>,
+}
+
+/// Positions and colours by vertex.
 pub(super) enum Positions {
-    Memory(Vec<Vec3>),
+    Memory(Vertices),
     Mapped(MappedPositions),
 }
 
@@ -83,7 +113,9 @@ impl Positions {
     #[inline]
     pub(super) fn get(&self, vertex: u32) -> Vec3 {
         match self {
-            Self::Memory(positions) => positions.get(vertex as usize).copied().unwrap_or(Vec3::NAN),
+            Self::Memory(Vertices { positions, .. }) => {
+                positions.get(vertex as usize).copied().unwrap_or(Vec3::NAN)
+            }
             Self::Mapped(mapped) => mapped.get(vertex),
         }
     }
@@ -91,7 +123,7 @@ impl Positions {
     /// Appends the positions of the triangles' corners.
     pub(super) fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>) {
         match self {
-            Self::Memory(positions) => {
+            Self::Memory(Vertices { positions, .. }) => {
                 let position = |v: u32| positions.get(v as usize).copied().unwrap_or(Vec3::NAN);
                 extend(out, triangles, position);
             }
@@ -99,9 +131,32 @@ impl Positions {
         }
     }
 
+    pub(super) fn has_colours(&self) -> bool {
+        match self {
+            Self::Memory(vertices) => !vertices.colours.is_empty(),
+            Self::Mapped(mapped) => mapped.count > 0 && mapped.layout.has_colour(),
+        }
+    }
+
+    /// Appends the colours of the triangles' corners, if vertices have colours.
+    pub(super) fn look_up_colours(&self, triangles: &[[u32; 3]], out: &mut Vec<[Colour; 3]>) {
+        if !self.has_colours() {
+            return;
+        }
+        match self {
+            Self::Memory(Vertices { colours, .. }) => {
+                let colour = |v: u32| colours.get(v as usize).copied().unwrap_or(WHITE);
+                out.extend(triangles.iter().map(|triangle| triangle.map(colour)));
+            }
+            Self::Mapped(mapped) => {
+                out.extend(triangles.iter().map(|triangle| triangle.map(|v| mapped.colour(v))));
+            }
+        }
+    }
+
     pub(super) fn len(&self) -> u64 {
         match self {
-            Self::Memory(positions) => positions.len() as u64,
+            Self::Memory(vertices) => vertices.positions.len() as u64,
             Self::Mapped(mapped) => mapped.count,
         }
     }
@@ -159,6 +214,13 @@ impl MappedPositions {
             Some(row) => self.layout.position(row, &self.frame),
             None => Vec3::NAN,
         }
+    }
+
+    #[inline]
+    fn colour(&self, vertex: u32) -> Colour {
+        let start = vertex as usize * self.layout.stride;
+        let row = self.rows().get(start..start + self.layout.stride);
+        row.map_or(WHITE, |row| self.layout.colour(row))
     }
 
     fn look_up(&self, triangles: &[[u32; 3]], out: &mut Vec<Triangle>) {

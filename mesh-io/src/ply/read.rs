@@ -5,7 +5,7 @@ use std::io::Read;
 
 use super::ascii::{ascii_list, ascii_vertices, row_fault, row_line, take_plain_triangles};
 use super::header::{Coding, Element, Header, Kind, Property, Role};
-use super::positions::{Layout, MappedPositions, Positions};
+use super::positions::{Layout, MappedPositions, Positions, Vertices};
 use super::rows::{
     MissingRows, Strip, TriangleRow, binary_vertices, list_length, ragged_vertices, skip_properties,
 };
@@ -14,7 +14,7 @@ use crate::codec::input::Input;
 use crate::codec::polygon::triangulate;
 use crate::codec::text::Tokens;
 use crate::frame::Framing;
-use crate::{Error, Frame, IndexedMesh, Place, Triangle};
+use crate::{Colour, Error, Frame, IndexedMesh, Place, Triangle};
 
 /// Opens the same stream once more from its start.
 pub(crate) type Reopen<R> = Box<dyn FnOnce() -> Result<Input<R>, Error> + Send>;
@@ -71,7 +71,7 @@ impl<R: Read> PlyReader<R> {
             header,
             at: 0,
             row: 0,
-            positions: Positions::Memory(Vec::new()),
+            positions: Positions::Memory(Vertices::default()),
             frame: Frame::default(),
             stash: Stash::default(),
             corners: Vec::new(),
@@ -178,7 +178,7 @@ impl<R: Read> PlyReader<R> {
 
     fn load_vertices(&mut self, file: Option<File>, framing: Framing) -> Result<(), Error> {
         let Some(element) = self.header.elements.get(self.at) else { return Ok(()) };
-        let Role::Vertices(axes) = element.role else { return Ok(()) };
+        let Role::Vertices(places) = element.role else { return Ok(()) };
         if element.count > u64::from(u32::MAX) {
             return Err(Error::TooLarge {
                 name: self.input.name().to_owned(),
@@ -187,9 +187,9 @@ impl<R: Read> PlyReader<R> {
             });
         }
         let big = self.big();
-        let layout = Layout::new(element, axes, big).filter(|layout| layout.stride > 0);
+        let layout = Layout::new(element, places, big).filter(|layout| layout.stride > 0);
         let (positions, frame) = match (self.header.coding, layout) {
-            (Coding::Ascii, _) => ascii_vertices(&mut self.input, element, axes, framing)?,
+            (Coding::Ascii, _) => ascii_vertices(&mut self.input, element, places, framing)?,
             (_, Some(layout)) => {
                 let start = self.input.offset();
                 let mapped = match &file {
@@ -204,7 +204,7 @@ impl<R: Read> PlyReader<R> {
                 }
                 binary_vertices(&mut self.input, element, layout, framing)?
             }
-            (_, None) => ragged_vertices(&mut self.input, element, axes, big, framing)?,
+            (_, None) => ragged_vertices(&mut self.input, element, places, big, framing)?,
         };
         self.positions = Positions::Memory(positions);
         self.frame = frame;
@@ -399,6 +399,14 @@ impl<R: Read> IndexedReader for PlyReader<R> {
         self.positions.look_up(triangles, out);
     }
 
+    fn has_colours(&self) -> bool {
+        self.positions.has_colours()
+    }
+
+    fn look_up_colours(&self, triangles: &[[u32; 3]], out: &mut Vec<[Colour; 3]>) {
+        self.positions.look_up_colours(triangles, out);
+    }
+
     fn triangle_count(&self) -> Option<u64> {
         self.exact_count
     }
@@ -430,11 +438,11 @@ pub(crate) fn read_mesh<R: Read>(
     let item = if reader.header.coding == Coding::Ascii { 8 } else { 4 };
     let mut triangles = Vec::with_capacity(reader.input.plausible(count, item));
     while reader.read_indices(&mut triangles, 1 << 16)? > 0 {}
-    let positions = match reader.positions {
-        Positions::Memory(positions) => positions,
-        Positions::Mapped(_) => Vec::new(),
+    let Vertices { positions, colours } = match reader.positions {
+        Positions::Memory(vertices) => vertices,
+        Positions::Mapped(_) => Vertices::default(),
     };
-    Ok((IndexedMesh { positions, triangles }, reader.frame))
+    Ok((IndexedMesh { positions, triangles, colours }, reader.frame))
 }
 
 /// A file too short for its own header is refused before anything is read from it.

@@ -3,12 +3,13 @@
 use std::fmt;
 use std::io::Read;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
-use super::header::{Coding, Element, Kind, Property, Scalar, head};
-use super::positions::Layout;
+use super::header::{Coding, Element, Kind, Property, Scalar, VertexPlaces, head};
+use super::positions::{Layout, Vertices};
 use crate::codec::input::Input;
 use crate::frame::Framing;
+use crate::mesh::WHITE;
 use crate::{Error, Frame, Place};
 
 pub(super) const EXPORT_AGAIN: &str = "correct that place or export the mesh again";
@@ -28,9 +29,12 @@ pub(super) fn binary_vertices<R: Read>(
     element: &Element,
     layout: Layout,
     framing: Framing,
-) -> Result<(Vec<Vec3>, Frame), Error> {
+) -> Result<(Vertices, Frame), Error> {
     let stride = layout.stride;
-    let mut positions = Vec::with_capacity(input.plausible(element.count, stride as u64));
+    let mut vertices = Vertices::default();
+    let room = input.plausible(element.count, stride as u64);
+    vertices.positions.reserve_exact(room);
+    vertices.colours.reserve_exact(if layout.has_colour() { room } else { 0 });
     let mut chosen = None;
     let mut left = element.count;
     while left > 0 {
@@ -41,37 +45,48 @@ pub(super) fn binary_vertices<R: Read>(
         let rows = input.window().chunks_exact(stride).take(most);
         let count = rows.len();
         let frame = *chosen.get_or_insert_with(|| layout.frame(input.window(), framing));
-        positions.extend(rows.map(|row| layout.position(row, &frame)));
+        if layout.has_colour() {
+            vertices.colours.extend(rows.clone().map(|row| layout.colour(row)));
+        }
+        vertices.positions.extend(rows.map(|row| layout.position(row, &frame)));
         input.consume(count * stride);
         left -= count as u64;
     }
-    Ok((positions, chosen.unwrap_or_default()))
+    Ok((vertices, chosen.unwrap_or_default()))
 }
 
 /// Vertices with a list among their properties, so that rows vary in size.
 pub(super) fn ragged_vertices<R: Read>(
     input: &mut Input<R>,
     element: &Element,
-    axes: [usize; 3],
+    places: VertexPlaces,
     big: bool,
     framing: Framing,
-) -> Result<(Vec<Vec3>, Frame), Error> {
+) -> Result<(Vertices, Frame), Error> {
     let row_bytes = element.min_row_bytes(Coding::Little);
-    let mut positions = Vec::with_capacity(input.plausible(element.count, row_bytes));
+    let mut vertices = Vertices::default();
+    vertices.positions.reserve_exact(input.plausible(element.count, row_bytes));
     let mut chosen = None;
     for _ in 0..element.count {
         let missing = MissingRows(element);
         // What decides about the frame: coordinates of types that exceed single precision.
         let (mut position, mut wide) = (DVec3::ZERO, DVec3::ZERO);
+        let mut colour = WHITE;
         for (place, property) in element.properties.iter().enumerate() {
-            match (axes.iter().position(|&axis| axis == place), property.kind) {
-                (Some(axis), Kind::One(scalar)) => {
+            let axis = places.axes.iter().position(|&axis| axis == place);
+            let component = places.component(place);
+            match property.kind {
+                Kind::One(scalar) if axis.is_some() || component.is_some() => {
                     if input.fill(scalar.size())? < scalar.size() {
                         return Err(input.truncated(missing));
                     }
-                    position[axis] = scalar.real(input.window(), big);
-                    if scalar.exceeds_single() {
-                        wide[axis] = position[axis];
+                    let value = scalar.real(input.window(), big);
+                    if let Some(axis) = axis {
+                        position[axis] = value;
+                        wide[axis] = if scalar.exceeds_single() { value } else { 0.0 };
+                    }
+                    if let Some(component) = component {
+                        colour[component] = scalar.colour_byte(value);
                     }
                     input.consume(scalar.size());
                 }
@@ -79,9 +94,12 @@ pub(super) fn ragged_vertices<R: Read>(
             }
         }
         let frame = chosen.get_or_insert_with(|| framing.choose(wide));
-        positions.push(frame.from_file(position));
+        vertices.positions.push(frame.from_file(position));
+        if places.colour.is_some() {
+            vertices.colours.push(colour);
+        }
     }
-    Ok((positions, chosen.unwrap_or_default()))
+    Ok((vertices, chosen.unwrap_or_default()))
 }
 
 pub(super) fn list_length<R: Read>(

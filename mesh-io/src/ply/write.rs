@@ -8,7 +8,8 @@ use tempfile::SpooledTempFile;
 use crate::codec::output::{BoxedOutput, Pen, patchable, spool};
 use crate::codec::text::write_point;
 use crate::codec::weld::Welder;
-use crate::{Error, Frame, IndexedSource, Triangle, TriangleSink};
+use crate::mesh::WHITE;
+use crate::{Colour, Error, Frame, IndexedSource, Triangle, TriangleSink};
 
 /// How the rows are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,22 +34,36 @@ impl Encoding {
 pub(crate) struct Rows {
     pub(crate) encoding: Encoding,
     pub(crate) frame: Frame,
+    /// Whether vertices have colours.
+    pub(crate) colours: bool,
 }
 
 impl Rows {
-    fn put_vertex(&self, out: &mut Vec<u8>, position: Vec3) -> std::io::Result<()> {
+    fn put_vertex(
+        &self,
+        out: &mut Vec<u8>,
+        position: Vec3,
+        [r, g, b, a]: Colour,
+    ) -> std::io::Result<()> {
         let double = self.frame.double;
         let wide = || self.frame.to_file(position).to_array();
         let single = position.to_array();
         match self.encoding {
             Encoding::Ascii => {
                 write_point(out, position, &self.frame)?;
+                if self.colours {
+                    write!(out, " {r} {g} {b} {a}")?;
+                }
                 out.push(b'\n');
+                return Ok(());
             }
             Encoding::Little if double => out.extend(wide().map(f64::to_le_bytes).as_flattened()),
             Encoding::Little => out.extend(single.map(f32::to_le_bytes).as_flattened()),
             Encoding::Big if double => out.extend(wide().map(f64::to_be_bytes).as_flattened()),
             Encoding::Big => out.extend(single.map(f32::to_be_bytes).as_flattened()),
+        }
+        if self.colours {
+            out.extend([r, g, b, a]);
         }
         Ok(())
     }
@@ -79,10 +94,16 @@ fn header(rows: Rows, num_vertices: u64, num_faces: u64) -> String {
     let index = if num_vertices > i32::MAX as u64 { "uint" } else { "int" };
     let counts = format!("{num_vertices}{num_faces}{index}");
     let padding = " ".repeat((2 * COUNT_DIGITS + "uint".len()).saturating_sub(counts.len()));
+    let colour = match rows.colours {
+        true => {
+            "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n"
+        }
+        false => "",
+    };
     let real = if rows.frame.double { "double" } else { "float" };
     format!(
         "ply\nformat {} 1.0\ncomment written by mesh-io{padding}\n\
-         element vertex {num_vertices}\nproperty {real} x\nproperty {real} y\nproperty {real} z\n\
+         element vertex {num_vertices}\nproperty {real} x\nproperty {real} y\nproperty {real} z\n{colour}\
          element face {num_faces}\nproperty list uchar {index} vertex_indices\nend_header\n",
         rows.encoding.name()
     )
@@ -96,8 +117,12 @@ pub(crate) fn write_mesh<W: Write>(
 ) -> Result<(), Error> {
     let header = header(rows, mesh.num_vertices(), mesh.num_triangles());
     pen.bytes(header.as_bytes())?;
-    mesh.each_position(&mut |positions| {
-        positions.iter().try_for_each(|&p| pen.put(|out| rows.put_vertex(out, p)))
+    mesh.each_vertex(&mut |positions, colours| {
+        let mut colours = colours.iter();
+        positions.iter().try_for_each(|&p| {
+            let colour = colours.next().copied().unwrap_or(WHITE);
+            pen.put(|out| rows.put_vertex(out, p, colour))
+        })
     })?;
     mesh.each_triangle(&mut |triangles| {
         triangles.iter().try_for_each(|&t| pen.put(|out| rows.put_face(out, t)))
@@ -141,7 +166,7 @@ impl TriangleSink for PlySink<'_> {
                     });
                 };
                 if new {
-                    self.pen.put(|out| self.rows.put_vertex(out, position))?;
+                    self.pen.put(|out| self.rows.put_vertex(out, position, WHITE))?;
                 }
                 *index = vertex;
             }
@@ -176,7 +201,7 @@ mod tests {
 
     #[test]
     fn the_header_keeps_its_length() {
-        let rows = Rows { encoding: Encoding::Big, frame: Frame::default() };
+        let rows = Rows { encoding: Encoding::Big, frame: Frame::default(), colours: true };
         let length = header(rows, 0, 0).len();
         for count in [1, 99, 1 << 31, 1 << 40, u64::MAX] {
             assert_eq!(header(rows, count, count).len(), length);

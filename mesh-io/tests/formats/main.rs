@@ -1,6 +1,7 @@
 //! Every format, in and out, through the public interface.
 #![cfg(all(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
 
+mod colour;
 mod damage;
 mod frame;
 mod gltf;

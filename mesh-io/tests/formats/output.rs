@@ -149,6 +149,7 @@ fn vertices_at_one_place_stay_two_in_any_frame() {
     let mesh = IndexedMesh {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ZERO, Vec3::Z, Vec3::X],
         triangles: vec![[0, 1, 2], [3, 4, 5]],
+        ..Default::default()
     };
     let far = Frame { origin: DVec3::new(500_000.0, 0.0, 0.0), double: true };
     for frame in [Frame::default(), far] {

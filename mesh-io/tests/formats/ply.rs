@@ -16,6 +16,7 @@ fn square() -> IndexedMesh {
     IndexedMesh {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Default::default()
     }
 }
 

@@ -192,7 +192,7 @@ prop_compose! {
             if value.is_finite() { value } else { f32::from_bits(bits & 0x3fff_ffff) }
         };
         let positions = positions.into_iter().map(|p| Vec3::from_array(p.map(real))).collect();
-        IndexedMesh { positions, triangles }
+        IndexedMesh { positions, triangles, ..Default::default() }
     }
 }
 

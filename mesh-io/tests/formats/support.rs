@@ -18,6 +18,7 @@ pub fn tetrahedron() -> IndexedMesh {
             Vec3::new(0.0, 4.0, f32::MIN_POSITIVE),
         ],
         triangles: vec![[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]],
+        ..Default::default()
     }
 }
 

@@ -81,6 +81,7 @@ pub(crate) fn record(window: &Window<'_>, v: u32, u: u32, deviation: f32) -> Col
         adjacent,
         position,
         normal,
+        colour: window.colour(v),
         radius: radius.sqrt(),
         cone_cosine: cosine,
         deviation,

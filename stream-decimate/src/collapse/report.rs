@@ -3,6 +3,8 @@
 use glam::Vec3;
 use halfedge::{FaceId, HalfEdgeId, VertexId};
 
+use mesh_io::Colour;
+
 use crate::Repairs;
 
 /// One half-edge collapse, in names that are unique among what is in the buffer, and used again for what comes later.
@@ -28,6 +30,8 @@ pub struct Collapsed {
     pub position: Vec3,
     /// The normal of `v` in the input, of length one or zero.
     pub normal: Vec3,
+    /// The colour of `v`, if vertices have colours.
+    pub colour: Option<Colour>,
     /// Distance from `v` to the farthest corner of its triangles.
     pub radius: f32,
     /// Least cosine of the angle between the normal and that of a triangle around `v`, before or after.
@@ -58,6 +62,8 @@ pub struct CollapsedVertex {
     pub position: Vec3,
     /// Its normal in the input, of length one or zero.
     pub normal: Vec3,
+    /// Its colour, if vertices have colours.
+    pub colour: Option<Colour>,
 }
 
 /// A face that is left.
@@ -75,8 +81,30 @@ pub struct CollapsedFace {
 pub struct CollapseReport {
     /// Triangles read.
     pub input_triangles: u64,
+    /// CRC-32 of their coordinates, in the machine's byte order.
+    pub input_crc: u32,
     /// What was wrong with them.
     pub repaired: Repairs,
     /// Most triangles the buffer held.
     pub peak_buffer_triangles: u64,
+}
+
+impl CollapseReport {
+    /// All of it as numbers, to be written down.
+    pub fn to_words(&self) -> [u64; 11] {
+        let [a, b, c, d, e, f, g, h] = self.repaired.counts().map(|(_, count)| count);
+        let Self { input_triangles, input_crc, peak_buffer_triangles, .. } = *self;
+        [input_triangles, input_crc.into(), peak_buffer_triangles, a, b, c, d, e, f, g, h]
+    }
+
+    /// What [`to_words`](Self::to_words) was told of.
+    pub fn from_words(words: [u64; 11]) -> Self {
+        let [input_triangles, input_crc, peak_buffer_triangles, repaired @ ..] = words;
+        Self {
+            input_triangles,
+            input_crc: input_crc as u32,
+            repaired: Repairs::of(repaired),
+            peak_buffer_triangles,
+        }
+    }
 }

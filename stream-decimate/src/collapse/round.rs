@@ -23,10 +23,9 @@ const LENIENCE: f32 = 1.5;
 const SAMPLES: usize = 4096;
 
 /// Performs collapses, and remembers them.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Rounds {
-    random: Xoshiro256PlusPlus,
-    num_rounds: usize,
+    pub(crate) num_rounds: u64,
 }
 
 /// What was done in a window.
@@ -41,10 +40,6 @@ struct Done {
 }
 
 impl Rounds {
-    pub(crate) fn new() -> Self {
-        Self { random: Xoshiro256PlusPlus::seed_from_u64(0), num_rounds: 0 }
-    }
-
     /// One round; there will be `goal` triangles or more. Appends what was done to `collapses`, and returns how many
     /// collapses that are.
     pub(crate) fn perform(
@@ -64,14 +59,16 @@ impl Rounds {
     }
 
     /// The cost below which this share of the candidates lies.
-    fn threshold(&mut self, portion: &mut Portion, share: f64) -> Option<f32> {
+    fn threshold(&self, portion: &mut Portion, share: f64) -> Option<f32> {
+        // Each round draws anew, so that a run can begin with any.
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(self.num_rounds);
         let window = portion.whole();
         let slots = window.range();
         let few = slots.len() <= 4 * SAMPLES;
         let count = if few { slots.len() } else { SAMPLES };
         let mut costs = Vec::with_capacity(count);
         for i in 0..count as u32 {
-            let v = if few { i } else { self.random.random_range(slots.clone()) };
+            let v = if few { i } else { random.random_range(slots.clone()) };
             if window.state(v) & state::MAY_GO == 0 {
                 continue;
             }
@@ -199,6 +196,7 @@ fn collapse(window: &mut Window<'_>, v: u32, threshold: f32, done: &mut Done) {
     let to = window.vertex_mut(u);
     to.quadric = rate::merged(&to.quadric, &from.quadric, from.position - to.position);
     to.deviation = deviation;
+    window.take_paint(v, u);
     let mean = window.identity(v).mean;
     window.identity_mut(u).mean += mean;
     window.stars.collapse(v, u);

@@ -51,7 +51,11 @@ fn grid(columns: u32, rows: u32, closed: bool, at: impl Fn(u32, u32) -> Vec3) ->
         let [c, d] = [number(i + 1, j + 1), number(i, j + 1)];
         [[a, b, c], [a, c, d]]
     });
-    IndexedMesh { positions: positions.collect(), triangles: triangles.collect() }
+    IndexedMesh {
+        positions: positions.collect(),
+        triangles: triangles.collect(),
+        ..Default::default()
+    }
 }
 
 /// A bumpy torus of `2 · around · along` triangles.

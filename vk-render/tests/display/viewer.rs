@@ -144,10 +144,21 @@ pub fn view(frame: &Value) -> Vec<f64> {
 
 /// Writes a bumpy torus of `2 * around * along` triangles as a binary PLY file.
 pub fn torus(file: &Path, around: u32, along: u32) {
+    coloured_torus(file, around, along, "", |_, _| Vec::new());
+}
+
+/// As [`torus`], with further properties of vertices and their bytes by where they are around the torus and the tube, 0 to 1.
+pub fn coloured_torus(
+    file: &Path,
+    around: u32,
+    along: u32,
+    properties: &str,
+    of: impl Fn(f32, f32) -> Vec<u8>,
+) {
     use std::f32::consts::TAU;
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
-         property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+         property float z\n{properties}element face {}\nproperty list uchar int vertex_indices\nend_header\n",
         around * along,
         2 * around * along
     )
@@ -160,6 +171,7 @@ pub fn torus(file: &Path, around: u32, along: u32) {
             for c in [out * u.cos(), thick * v.sin(), out * u.sin()] {
                 bytes.extend(c.to_le_bytes());
             }
+            bytes.extend(of(u / TAU, v / TAU));
         }
     }
     let vertex = |i: u32, j: u32| ((i % around) * along + j % along) as i32;

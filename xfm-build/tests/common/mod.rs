@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::{Vec3, vec3};
 use halfedge::{FaceId, HalfEdgeId, HalfEdgeMesh, VertexId};
 use mergetree::{
-    BuildOptions, CollapseRecord, Forest, OctNormal, RankAccount, Records, StarBounds,
+    BuildOptions, CollapseRecord, Colour, Forest, OctNormal, RankAccount, Records, StarBounds,
     collapse_in_independent_sets, vertex_normals,
 };
 use scratch::Scratch;
@@ -159,6 +159,8 @@ pub fn sweep(shape: &Shape, window: usize, tries: usize, seed: u64) -> Records {
 pub struct Sequence {
     pub names: NameBounds,
     pub records: Vec<(CollapseRecord, Vec3, OctNormal)>,
+    /// Of the vertices that are removed, or none.
+    pub colours: Vec<Colour>,
     pub coarse: CoarseMesh,
 }
 
@@ -183,7 +185,12 @@ pub fn plain(shape: &Shape, records: &Records) -> Sequence {
             faces: coarse.face_capacity() as u32,
         },
         records: records.iter().map(of).collect(),
-        coarse: CoarseMesh { vertices: vertices.collect(), faces: faces.collect() },
+        colours: Vec::new(),
+        coarse: CoarseMesh {
+            vertices: vertices.collect(),
+            faces: faces.collect(),
+            colours: Vec::new(),
+        },
     }
 }
 
@@ -259,7 +266,28 @@ pub fn recycled(sequence: &Sequence, seed: u64) -> Sequence {
         face.name = FaceId::new(faces.of(face.name.get(), &mut random));
     }
     let names = NameBounds { vertices: vertices.bound, faces: faces.bound };
-    Sequence { names, records, coarse }
+    Sequence { names, records, colours: sequence.colours.clone(), coarse }
+}
+
+/// A colour that tells where it belongs.
+pub fn colour_at(p: Vec3) -> Colour {
+    let mix = |hash: u32, c: &f32| (hash ^ c.to_bits()).wrapping_mul(0x9e37_79b1).rotate_left(9);
+    p.to_array().iter().fold(7, mix).to_le_bytes()
+}
+
+/// The same sequence with colours.
+pub fn coloured(mut sequence: Sequence) -> Sequence {
+    sequence.colours = sequence.records.iter().map(|&(_, p, _)| colour_at(p)).collect();
+    let vertices = &sequence.coarse.vertices;
+    sequence.coarse.colours = vertices.iter().map(|v| colour_at(v.position)).collect();
+    sequence
+}
+
+/// The same forest with colours.
+pub fn coloured_forest(mut forest: Forest) -> Forest {
+    forest.colours = forest.nodes.iter().map(|node| colour_at(node.position)).collect();
+    forest.base.colours = forest.base.vertices.iter().map(|v| colour_at(v.position)).collect();
+    forest
 }
 
 /// The forest of these records.
@@ -271,8 +299,9 @@ pub fn forest(shape: &Shape, records: &Records) -> Forest {
 /// Links a sequence.
 pub fn link(sequence: &Sequence, folder: &Path, options: &LinkOptions) -> Result<Linked, Error> {
     let mut linker = Linker::new(&Scratch::new(folder), options)?;
-    for (record, position, normal) in &sequence.records {
-        linker.push(record, *position, *normal)?;
+    for (i, (record, position, normal)) in sequence.records.iter().enumerate() {
+        let colour = sequence.colours.get(i).copied();
+        linker.push_with(record, *position, *normal, colour)?;
     }
     linker.finish(&sequence.coarse)
 }

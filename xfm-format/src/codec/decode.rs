@@ -4,13 +4,17 @@ use std::io;
 
 use mergetree::{BoundCodes, Node, NodeId};
 
-use super::compact::{Coder, Model, Part, Reader, Symbols, Tables};
+use super::compact::{Coder, Model, Part, Reader, Symbols, Tables, skip_symbols};
 use super::shape::{Kind, Preorder, Shape, Side};
-use super::{FieldBytes, LINK_TABLES, PageContext, Reference, SHAPE_TABLES, shape_table};
+use super::{
+    FieldBytes, LINK_TABLES, PageContext, Reference, SHAPE_TABLES, colour_from_difference,
+    shape_table,
+};
 use crate::column::{
     ColumnDecoder, Cursor, float_from_difference, short_from_difference, unzigzag,
 };
 use crate::error::{Defect, Place};
+use crate::header::MoreAttribute;
 use crate::numbering::BlockId;
 use crate::page::Page;
 use crate::sections::IndexEntry;
@@ -74,8 +78,7 @@ impl PageDecoder {
             *field = (rest - cursor.remaining()) as u64;
             rest = cursor.remaining();
         };
-        page.blocks.clear();
-        page.nodes.clear();
+        page.clear();
         page.blocks.reserve_exact(entry.blocks as usize);
         page.nodes.reserve_exact(entry.nodes as usize);
         page.first_block = entry.first_block as u32;
@@ -110,10 +113,20 @@ impl PageDecoder {
             self.adjacent(&mut cursor, which, context, page)?;
         }
         measure(&mut measured.adjacent, &cursor);
-        for _ in 0..context.unknown_components {
-            ColumnDecoder::skip(&mut cursor, "unknown attribute", page.nodes.len())?;
+        for &attribute in &context.more {
+            let before = cursor.remaining();
+            let bytes = match attribute {
+                MoreAttribute::Colour => {
+                    self.colour(&mut cursor, page)?;
+                    &mut measured.colour
+                }
+                unknown => {
+                    skip(&mut cursor, unknown, page.nodes.len())?;
+                    &mut measured.other
+                }
+            };
+            *bytes += (before - cursor.remaining()) as u64;
         }
-        measure(&mut measured.other, &cursor);
         cursor.finish()?;
         self.bytes = measured;
         Ok(())
@@ -130,10 +143,6 @@ impl PageDecoder {
         let tables = self.tables.take().unwrap_or_else(Tables::new);
         let mut reader = Reader::new(&mut cursor, tables)?;
         let coded = length - cursor.remaining();
-        for _ in 0..context.unknown_components {
-            ColumnDecoder::skip(&mut cursor, "unknown attribute", entry.nodes as usize)?;
-        }
-        let other = cursor.remaining();
         let in_page = |message: &'static str| cursor.defect(message);
 
         reader.tables(SHAPE_TABLES).map_err(in_page)?;
@@ -166,9 +175,26 @@ impl PageDecoder {
             context,
         };
         self.model.page(&mut reader, &mut part).map_err(in_page)?;
-        let (marks, tables) = reader.finish().map_err(in_page)?;
+        let (marks, mut tables) = reader.finish().map_err(in_page)?;
         self.bytes = FieldBytes::from_marks(&marks, coded);
-        self.bytes.other = (length - coded - other) as u64;
+        for &attribute in &context.more {
+            let before = cursor.remaining();
+            let bytes = match attribute {
+                MoreAttribute::Colour => {
+                    let mut reader = Reader::new(&mut cursor, tables)?;
+                    let in_page = |message: &'static str| cursor.defect(message);
+                    page.colours.reserve_exact(entry.nodes as usize);
+                    self.model.colour(&mut reader, &mut page.colours).map_err(in_page)?;
+                    (_, tables) = reader.finish().map_err(in_page)?;
+                    &mut self.bytes.colour
+                }
+                unknown => {
+                    skip(&mut cursor, unknown, entry.nodes as usize)?;
+                    &mut self.bytes.other
+                }
+            };
+            *bytes += (before - cursor.remaining()) as u64;
+        }
         self.tables = Some(tables);
         cursor.finish()
     }
@@ -462,6 +488,35 @@ impl PageDecoder {
             node.adjacent[which] = Some(half_edge);
         }
         Ok(())
+    }
+
+    fn colour(&mut self, cursor: &mut Cursor<'_>, page: &mut Page) -> Result<(), Defect> {
+        let count = page.nodes.len();
+        page.colours.reserve_exact(count);
+        page.colours.resize(count, [0; 4]);
+        // Differences first, and when all are there, parents before children, what they are differences of.
+        for component in 0..4 {
+            self.read(cursor, "colour", count, 1)?;
+            for (colour, &value) in page.colours.iter_mut().zip(&self.values) {
+                colour[component] = unzigzag(value) as u8;
+            }
+        }
+        for (index, reference) in self.references.iter().enumerate() {
+            let at = reference.node as usize;
+            let near = if at == index { [0; 4] } else { page.colours[at] };
+            let difference = page.colours[index].map(|byte| byte as i8);
+            page.colours[index] = colour_from_difference(difference, near);
+        }
+        Ok(())
+    }
+}
+
+/// Reads over an attribute that this version does not know.
+fn skip(cursor: &mut Cursor<'_>, attribute: MoreAttribute, num_nodes: usize) -> Result<(), Defect> {
+    match attribute {
+        MoreAttribute::Columns(components) => (0..components)
+            .try_for_each(|_| ColumnDecoder::skip(cursor, "unknown attribute", num_nodes)),
+        MoreAttribute::Symbols(_) | MoreAttribute::Colour => skip_symbols(cursor),
     }
 }
 

@@ -6,7 +6,9 @@ use mergetree::{BoundCodes, Node, NodeId};
 
 use super::compact::{Coder, Model, Part, Symbols, Writer};
 use super::shape::{Kind, Preorder, Shape, Side};
-use super::{FieldBytes, LINK_TABLES, PageContext, Reference, SHAPE_TABLES, shape_table};
+use super::{
+    FieldBytes, LINK_TABLES, PageContext, Reference, SHAPE_TABLES, colour_difference, shape_table,
+};
 use crate::column::{ColumnEncoder, float_difference, short_difference, zigzag};
 use crate::header::MAX_EXPANSION;
 use crate::numbering::BlockId;
@@ -60,13 +62,19 @@ impl PageEncoder {
     ) -> Result<(Vec<u8>, FieldBytes), PageDefect> {
         self.arrange(page, context)?;
         check_numbers(page, context, &self.references)?;
+        let num_colours = if context.has_colour() { page.nodes.len() } else { 0 };
+        if page.colours.len() != num_colours {
+            let node = context.numbering.node(page.first_block(), 0);
+            let message = "begins a page with colours for more or fewer nodes than it has";
+            return Err(PageDefect { node, message });
+        }
         if !context.rounding.is_exact() {
             return self.compact(page, context);
         }
         self.columns.plain = false;
         let encoded = self.encode_once(page, context);
         // A page that shrinks beyond belief would be refused by the reader.
-        if (page.nodes.len() * size_of::<Node>()) as u64 <= encoded.0.len() as u64 * MAX_EXPANSION {
+        if memory_of(page) <= encoded.0.len() as u64 * MAX_EXPANSION {
             return Ok(encoded);
         }
         self.columns.plain = true;
@@ -121,10 +129,18 @@ impl PageEncoder {
         coded = coded.and_then(|()| model.page(writer, &mut part));
         let node = context.numbering.node(page.first_block(), 0);
         coded.map_err(|message| PageDefect { node, message })?;
-        let least = (page.nodes.len() * size_of::<Node>()).div_ceil(MAX_EXPANSION as usize);
+        let least = memory_of(page).div_ceil(MAX_EXPANSION) as usize;
         let mut out = Vec::new();
         let marks = writer.finish(least, &mut out);
-        let bytes = FieldBytes::from_marks(&marks, out.len());
+        let mut bytes = FieldBytes::from_marks(&marks, out.len());
+        if context.has_colour() {
+            let before = out.len();
+            writer.restart();
+            let coded = model.colour(writer, &mut copy.colours);
+            coded.map_err(|message| PageDefect { node, message })?;
+            writer.finish(0, &mut out);
+            bytes.colour = (out.len() - before) as u64;
+        }
         self.compact = Some(compact);
         Ok((out, bytes))
     }
@@ -161,6 +177,10 @@ impl PageEncoder {
             self.adjacent(page, context, which, &mut out);
         }
         measure(&mut bytes.adjacent, &out);
+        if context.has_colour() {
+            self.colour(page, &mut out);
+            measure(&mut bytes.colour, &out);
+        }
         (out, bytes)
     }
 
@@ -319,6 +339,18 @@ impl PageEncoder {
         self.columns.column(out, &self.values);
     }
 
+    fn colour(&mut self, page: &Page, out: &mut Vec<u8>) {
+        for component in 0..4 {
+            self.values.clear();
+            self.values.extend(self.references.iter().enumerate().map(|(index, reference)| {
+                let at = reference.node as usize;
+                let near = if at == index { [0; 4] } else { page.colours[at] };
+                zigzag(colour_difference(page.colours[index], near)[component].into())
+            }));
+            self.columns.column(out, &self.values);
+        }
+    }
+
     fn bound(&mut self, page: &Page, out: &mut Vec<u8>, get: impl Fn(&Node) -> f32) {
         let code = |node: &Node| u64::from(BoundCodes::exact(get(node)).unwrap_or(BoundCodes::MAX));
         self.column(out, page.nodes.iter().map(code));
@@ -346,6 +378,11 @@ impl PageEncoder {
         }
         self.columns.column(out, &self.values);
     }
+}
+
+/// Bytes that a page's nodes take in memory.
+fn memory_of(page: &Page) -> u64 {
+    (size_of_val(&page.nodes[..]) + size_of_val(&page.colours[..])) as u64
 }
 
 fn defect_at(node: NodeId) -> impl Fn(&'static str) -> PageDefect + Copy {

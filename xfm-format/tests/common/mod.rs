@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 use halfedge::{HalfEdgeId, HalfEdgeMesh};
-use mergetree::{CollapseRecord, Forest, HalfEdgeName, NodeId, OctNormal, StarBounds};
+use mergetree::{CollapseRecord, Colour, Forest, HalfEdgeName, NodeId, OctNormal, StarBounds};
 
 /// Numbers that look random and are the same everywhere.
 pub struct Random(pub u64);
@@ -81,10 +81,23 @@ pub fn collapse((positions, triangles): &Soup, tries: usize, seed: u64) -> Fores
     Forest::from_records(&records, &mesh, positions, &normals).unwrap()
 }
 
+/// The same with colours: smooth ones with some noise, and now and then a clear vertex.
+pub fn coloured(mut forest: Forest) -> Forest {
+    let colour = |at: Vec3| {
+        let mut random = Random(at.to_array().map(|c| u64::from(c.to_bits())).iter().sum());
+        let mut byte = |c: f32| (120.0 + 40.0 * c) as u8 ^ random.next() as u8 & 3;
+        [byte(at.x), byte(at.y), byte(at.z), if at.x > 1.0 { 255 } else { byte(0.0) }]
+    };
+    forest.colours = forest.nodes.iter().map(|node| colour(node.position)).collect();
+    forest.base.colours = forest.base.vertices.iter().map(|v| colour(v.position)).collect();
+    forest
+}
+
 /// A forest without the names of its nodes: every link by the order of the node it leads to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unnumbered {
     pub base: Vec<([u32; 3], OctNormal, Option<u32>)>,
+    pub base_colours: Vec<Colour>,
     pub faces: Vec<[u32; 3]>,
     pub nodes: BTreeMap<u32, UnnumberedNode>,
 }
@@ -94,6 +107,7 @@ pub struct UnnumberedNode {
     pub position: [u32; 3],
     pub normal: OctNormal,
     pub links: [Option<u32>; 3],
+    pub colour: Option<Colour>,
     /// A half-edge of the coarsest mesh, or order and number of a node's.
     pub adjacent: [Option<(Option<u32>, u32)>; 4],
 }
@@ -105,11 +119,13 @@ pub fn unnumbered(forest: &Forest) -> Unnumbered {
     let vertices = forest.base.vertices.iter();
     Unnumbered {
         base: vertices.map(|v| (bits(v.position), v.normal, v.root.map(order))).collect(),
+        base_colours: forest.base.colours.clone(),
         faces: forest.base.faces.clone(),
         nodes: forest
             .nodes
             .iter()
-            .map(|node| {
+            .enumerate()
+            .map(|(index, node)| {
                 let adjacent = node.adjacent.map(|h| {
                     Some(match names.resolve(h?) {
                         HalfEdgeName::Base(h) => (None, h),
@@ -120,6 +136,7 @@ pub fn unnumbered(forest: &Forest) -> Unnumbered {
                 let node_without_names = UnnumberedNode {
                     position: bits(node.position),
                     normal: node.normal,
+                    colour: forest.colours.get(index).copied(),
                     links,
                     adjacent,
                 };

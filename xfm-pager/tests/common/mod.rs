@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 use glam::Vec3;
 use halfedge::HalfEdgeMesh;
-use mergetree::{BuildOptions, Forest};
+use mergetree::{BuildOptions, Colour, Forest};
 use xfm_format::{Storage, WriteOptions, XfmFile};
 
 /// Numbers that look random and are the same everywhere.
@@ -47,6 +47,19 @@ pub fn torus(n: u32) -> Forest {
         .collect();
     let mesh = HalfEdgeMesh::from_triangles(positions.len(), &triangles).unwrap();
     mergetree::build(mesh, &positions, &BuildOptions::default(), &|_| ()).unwrap()
+}
+
+/// A colour that tells where it belongs.
+pub fn colour_at(p: Vec3) -> Colour {
+    let mix = |hash: u32, c: &f32| (hash ^ c.to_bits()).wrapping_mul(0x9e37_79b1).rotate_left(9);
+    p.to_array().iter().fold(7, mix).to_le_bytes()
+}
+
+/// The same forest with colours.
+pub fn coloured(mut forest: Forest) -> Forest {
+    forest.colours = forest.nodes.iter().map(|node| colour_at(node.position)).collect();
+    forest.base.colours = forest.base.vertices.iter().map(|v| colour_at(v.position)).collect();
+    forest
 }
 
 /// A forest as a file's bytes, in pages of so many nodes.

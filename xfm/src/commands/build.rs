@@ -6,7 +6,7 @@ mod report;
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use mesh_io::{Format, Frame};
@@ -26,7 +26,9 @@ use report::{BuildReport, Built};
 /// compact is asked for, those far from zero about an origin near them, so that they keep their digits. The file appears whole or not at all, and is the same,
 /// byte for byte, for any number of threads.
 ///
-/// What fits --memory is built in core, anything else streaming, through scratch files.
+/// What fits --memory is built in core, anything else streaming, through scratch files. Nothing of these is left behind, however the run
+/// ends, unless --scratch names a folder for them: then a checkpoint is kept there until the file is whole, and the same command with
+/// --resume goes on from it, to the same file. Input, options and every byte that was kept are checked first.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -39,6 +41,9 @@ Examples:
 
   A quarter of the size, vertices moved by no more than a ten-thousandth of the whole
     xfm build dragon.ply dragon.xfm --encoding compact --position-error 1e-4
+
+  Hours of work that may be broken off, and gone on with by the same command
+    xfm build huge.ply huge.xfm --scratch /data/tmp --resume
 
   Check that nothing was lost
     xfm build horse.obj horse.xfm && xfm verify horse.xfm --against horse.obj")]
@@ -61,10 +66,14 @@ pub struct BuildArgs {
     /// How far compact may move vertices: a share of the bounding box's diagonal, or in model units with a u, like 0.05u
     #[arg(long, value_name = "SHARE", default_value = "2e-4", value_parser = values::position_error)]
     position_error: PositionError,
+    /// How much colours of vertices count: one wrong by all of a component as much as a surface wrong by this share of the
+    /// bounding box's diagonal; 0 is not at all
+    #[arg(long, value_name = "W", default_value = "0.002", value_parser = values::weight)]
+    colour_weight: f32,
     /// Format of the input where its name does not tell: stl, ply, obj, gltf, glb
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     from: Option<Format>,
-    /// Folder for scratch files [default: that of the output]
+    /// Folder for scratch files [default: that of the output]; a run that is broken off leaves there what --resume goes on from
     #[arg(long, value_name = "DIR")]
     scratch: Option<PathBuf>,
     /// Build with the whole mesh in memory, whatever its size is thought to be
@@ -73,9 +82,12 @@ pub struct BuildArgs {
     /// Build through scratch files, even where the mesh would fit into memory
     #[arg(long)]
     streaming: bool,
-    /// Keep what was collapsed in the scratch folder, and go on with what an earlier run has left there
-    #[arg(long, requires = "scratch", conflicts_with = "in_core")]
+    /// Go on with what an earlier run that was broken off has left in the scratch folder, however it ended; begin where there is nothing
+    #[arg(long, requires = "scratch")]
     resume: bool,
+    /// Time from one checkpoint in the scratch folder to the next [default: so that they take a fiftieth of the time]
+    #[arg(long, value_name = "SECONDS", requires = "scratch", value_parser = values::seconds)]
+    checkpoint_every: Option<Duration>,
     /// Worker threads [default: one for each core]
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
@@ -102,9 +114,6 @@ pub fn run(args: &BuildArgs) -> Result<(), Error> {
     let start = Instant::now();
     check_output(&args.output)?;
     let input = Input::new(&args.input, args.from);
-    if args.resume && !input.is_file() {
-        return Err(Error::ResumePipe { name: input.name() });
-    }
     let plan = args.plan(&input)?;
     plan.check_memory(&args.input)?;
     plan.check_room(&args.output)?;
@@ -127,21 +136,34 @@ impl BuildArgs {
     }
 
     fn plan(&self, input: &Input) -> Result<Plan, Error> {
-        let forced = match (self.in_core, self.streaming || self.resume) {
+        let forced = match (self.in_core, self.streaming) {
             (true, _) => Some(Mode::InCore),
             (_, true) => Some(Mode::Streaming),
             _ => None,
         };
         let expected = plan::expected_triangles(input, &self.input)?;
         let scratch = scratch_folder(self.scratch.as_deref(), || scratch_beside(&self.output))?;
-        Ok(Plan::new(expected, self.memory, forced, scratch))
+        let colours = input.is_file() && input.open()?.has_colours();
+        let plan = Plan::new(expected, self.memory, forced, scratch);
+        let mut plan = plan.with_colours(colours, forced);
+        plan.keeps = self.scratch.is_some();
+        Ok(plan)
     }
 }
 
 fn build(args: &BuildArgs, input: &Input, plan: &Plan) -> Result<Built, Error> {
     let (path, output, write) = (&args.input, &args.output, args.write_options());
-    let (resume, threads) = (args.resume, args.threads);
-    mesh::build(&mesh::Request { input, path, output, write, threads, resume }, plan)
+    let request = mesh::Request {
+        input,
+        path,
+        output,
+        write,
+        colour_weight: args.colour_weight,
+        threads: args.threads,
+        resume: args.resume,
+        checkpoint_every: args.checkpoint_every,
+    };
+    mesh::build(&request, plan)
 }
 
 /// How a file of a mesh in this frame is written.

@@ -93,6 +93,8 @@ struct ExtractReport {
     seconds: f64,
     peak_anon: Option<u64>,
     scratch_bytes: u64,
+    /// Whether vertices have colours in the output.
+    colours: bool,
     warnings: Vec<String>,
 }
 
@@ -210,7 +212,11 @@ pub fn run(args: &ExtractArgs) -> Result<(), Error> {
         wanted => {
             let level = in_core(&file, &wanted)?;
             let error = f64::from(level.error);
-            let mesh = IndexedMesh { positions: level.positions, triangles: level.triangles };
+            let mesh = IndexedMesh {
+                positions: level.positions,
+                triangles: level.triangles,
+                colours: level.colours,
+            };
             let written = write(&output, &mut &mesh, frame)?;
             Extracted::new(&&mesh, error, "in-core", written)
         }
@@ -218,7 +224,9 @@ pub fn run(args: &ExtractArgs) -> Result<(), Error> {
     if !extracted.is_written {
         return Ok(());
     }
-    let warnings: Vec<String> = output.rounding(frame).into_iter().collect();
+    let has_colours = file.header().has_colour();
+    let warnings: Vec<String> =
+        output.rounding(frame).into_iter().chain(output.colourless(has_colours)).collect();
     let report_to = match (args.json, output.is_pipe()) {
         (true, true) => ReportTo::ScriptsBesideMesh,
         (json, _) => ReportTo::new(json),
@@ -236,6 +244,7 @@ pub fn run(args: &ExtractArgs) -> Result<(), Error> {
         peak_anon: peak.so_far(),
         scratch_bytes: extracted.scratch_bytes,
         seconds: start.elapsed().as_secs_f64(),
+        colours: has_colours && output.holds_colours(),
         warnings,
     })
 }

@@ -62,6 +62,7 @@ struct AttributeReport {
     #[serde(rename = "type")]
     kind: String,
     components: u8,
+    coding: &'static str,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -76,6 +77,7 @@ impl From<&Attribute> for AttributeReport {
             AttributeType::F32 => "f32".to_owned(),
             AttributeType::Octahedral => "octahedral".to_owned(),
             AttributeType::F16Up => "f16-up".to_owned(),
+            AttributeType::U8 => "u8".to_owned(),
             AttributeType::Other(code) => format!("type-{code}"),
             _ => "unknown".to_owned(),
         };
@@ -84,6 +86,7 @@ impl From<&Attribute> for AttributeReport {
             unit: attribute.unit.clone(),
             kind,
             components: attribute.components,
+            coding: attribute.coding.name(),
         }
     }
 }
@@ -144,7 +147,7 @@ impl fmt::Display for InfoReport {
             )?;
         }
         for attribute in &self.attributes {
-            let AttributeReport { name, unit, kind, components } = attribute;
+            let AttributeReport { name, unit, kind, components, .. } = attribute;
             let unit = if unit.is_empty() { "no unit" } else { unit };
             writeln!(f, "attribute  {name}: {components} x {kind}, {unit}")?;
         }

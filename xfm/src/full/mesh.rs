@@ -3,7 +3,7 @@
 use std::io;
 
 use glam::Vec3;
-use mesh_io::{IndexedSource, Take, Triangle};
+use mesh_io::{Colour, IndexedSource, Take, TakeVertices, Triangle};
 use scratch::{Scratch, Table, TableOptions};
 use xfm_format::XfmFile;
 
@@ -96,20 +96,34 @@ impl<'a> FullMesh<'a> {
         &self,
         mut take: impl FnMut(&[Vec3]) -> Result<(), E>,
     ) -> Result<(), E> {
-        let base = &self.file.base().vertices;
-        let position = |&v: &u32| base[v as usize].position;
+        self.vertices(|positions, _| take(positions))
+    }
+
+    /// Hands out all positions with their colours, if the file has some.
+    ///
+    /// # Errors
+    ///
+    /// As [`positions`](Self::positions).
+    pub fn vertices<E: From<Error>>(
+        &self,
+        mut take: impl FnMut(&[Vec3], &[Colour]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let base = self.file.base();
         let mut batch = Vec::with_capacity(BATCH);
+        let mut colours = Vec::new();
         for vertices in self.base_vertices.chunks(BATCH) {
             batch.clear();
-            batch.extend(vertices.iter().map(position));
-            take(&batch)?;
+            batch.extend(vertices.iter().map(|&v| base.vertices[v as usize].position));
+            colours.clear();
+            colours.extend(vertices.iter().filter_map(|&v| base.colours.get(v as usize)));
+            take(&batch, &colours)?;
         }
         // An error of `take` is not one of the file.
         let mut refused = None;
         let read = each_page(self.file, 0..self.file.num_pages(), |page| {
             batch.clear();
             batch.extend(page.nodes().iter().map(|node| node.position));
-            take(&batch).map_err(|error| {
+            take(&batch, page.colours()).map_err(|error| {
                 refused = Some(error);
                 Error::Interrupted
             })
@@ -178,6 +192,15 @@ impl IndexedSource for FullMesh<'_> {
 
     fn each_position(&mut self, take: &mut Take<'_, Vec3>) -> Result<(), mesh_io::Error> {
         self.positions(|positions| take(positions).map_err(Unwritten)).map_err(|error| error.0)
+    }
+
+    fn has_colours(&self) -> bool {
+        self.file.header().has_colour()
+    }
+
+    fn each_vertex(&mut self, take: &mut TakeVertices<'_>) -> Result<(), mesh_io::Error> {
+        self.vertices(|positions, colours| take(positions, colours).map_err(Unwritten))
+            .map_err(|error| error.0)
     }
 
     fn each_triangle(&mut self, take: &mut Take<'_, [u32; 3]>) -> Result<(), mesh_io::Error> {

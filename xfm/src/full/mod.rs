@@ -112,10 +112,14 @@ impl Shares {
 
 /// Anonymous memory that the finest mesh takes per triangle in core, at its peak and with a reserve.
 const IN_CORE_BYTES: u64 = 160;
+/// And so much more with colours: of nodes, of the front, and of the mesh.
+const IN_CORE_COLOUR_BYTES: u64 = 8;
 
 /// Whether the finest mesh of a file can be had within so many bytes in core, by its front.
 pub fn fits_in_core(file: &XfmFile, memory: u64) -> bool {
-    file.header().input_triangles.saturating_mul(IN_CORE_BYTES).saturating_add(ALWAYS) <= memory
+    let colours = if file.header().has_colour() { IN_CORE_COLOUR_BYTES } else { 0 };
+    let per_triangle = IN_CORE_BYTES + colours;
+    file.header().input_triangles.saturating_mul(per_triangle).saturating_add(ALWAYS) <= memory
 }
 
 /// Finds the finest mesh of a file.

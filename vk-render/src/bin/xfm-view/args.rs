@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::Parser;
 use mergetree::{Camera, Dependencies};
 use vk_render::{ContextOptions, DeviceChoice};
-use xfm_pager::PagerOptions;
+use xfm_pager::{PagerOptions, SessionOptions};
 
 use crate::camera::standard::Up;
 use crate::model::{Cache, Opener};
-use crate::state::{DetailChoice, Look, State};
+use crate::state::{By, DetailChoice, Look, State};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -55,9 +55,12 @@ pub(crate) struct Args {
     /// Hold a number of triangles instead; the tolerance follows
     #[arg(long, value_name = "TRIANGLES")]
     pub(crate) budget: Option<usize>,
-    /// How triangles are coloured
-    #[arg(long, value_enum, default_value_t = Look::Smooth)]
-    pub(crate) shading: Look,
+    /// Hold a time per frame instead, in milliseconds; the tolerance follows
+    #[arg(long, value_name = "MS", value_parser = positive, conflicts_with_all = ["budget", "pixels"])]
+    pub(crate) frame_ms: Option<f32>,
+    /// How triangles are coloured; by the model's own colours where it has any, else smooth, unless told
+    #[arg(long, value_enum)]
+    pub(crate) shading: Option<Look>,
     /// Which axis points upwards
     #[arg(long, value_enum, default_value_t = Up::Y)]
     pub(crate) up: Up,
@@ -108,11 +111,12 @@ pub(crate) struct Args {
 impl Args {
     /// What the viewer begins with.
     pub(crate) fn state(&self) -> State {
-        let detail = DetailChoice {
-            by_budget: self.budget.is_some(),
-            pixels: self.pixels,
-            budget: self.budget.unwrap_or(500_000),
-        };
+        let mut detail = DetailChoice { pixels: self.pixels, ..DetailChoice::default() };
+        if let Some(budget) = self.budget {
+            (detail.by, detail.budget) = (By::Triangles, budget);
+        } else if let Some(ms) = self.frame_ms {
+            (detail.by, detail.frame_ms) = (By::Time, ms);
+        }
         let pager = self.pager_options();
         let quotas = [pager.soft_quota_bytes, pager.hard_quota_bytes];
         let mut state = State::new(self.lens(), detail, self.shading, quotas);
@@ -124,8 +128,19 @@ impl Args {
     }
 
     pub(crate) fn opener(&self) -> Opener {
-        let dependencies = if self.links_only { Dependencies::Links } else { Dependencies::Order };
-        Opener { pager: self.pager_options(), dependencies, cache: self.cache }
+        let mut session = SessionOptions::default();
+        if self.links_only {
+            session.dependencies = Dependencies::Links;
+        }
+        let mut pager = self.pager_options();
+        if self.offscreen.is_some() {
+            // Pictures are the same on every machine: a frame waits for what it needs, and does all there is to do.
+            session.max_updates = usize::MAX;
+            pager.pages_per_frame = usize::MAX;
+        } else {
+            pager.loaders = PagerOptions::loaders_for_this_machine();
+        }
+        Opener { pager, session, cache: self.cache }
     }
 
     fn pager_options(&self) -> PagerOptions {

@@ -37,6 +37,7 @@ pub(crate) fn entry(
         "uploaded_bytes": uploaded_bytes,
         "update_s": numbers.update_time.as_secs_f64(),
         "test_s": numbers.test_time.as_secs_f64(),
+        "handover_s": numbers.handover_time.as_secs_f64(),
         "load_s": numbers.load_time.as_secs_f64(),
         "upload_s": time.upload.as_secs_f64(),
         "render_s": time.whole.saturating_sub(time.update + time.upload).as_secs_f64(),

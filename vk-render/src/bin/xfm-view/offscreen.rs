@@ -19,9 +19,8 @@ use crate::picture;
 use crate::state::{FrameTime, State};
 use crate::viewer::Viewer;
 
-/// Frames in which a single picture's front settles at most, and for how long one may bring nothing.
-const SETTLE_FRAMES: usize = 10_000;
-const SETTLE_IDLE: Duration = Duration::from_secs(2);
+/// How long the detail of a single picture may take.
+const SETTLE: Duration = Duration::from_secs(600);
 
 /// Draws one picture, or all frames of a path into a folder with their `frames.json` and `frames.csv`.
 pub(crate) fn run(args: &Args, out: &Path) -> Result<(), Error> {
@@ -87,10 +86,7 @@ impl<'a> Flight<'a> {
         let mut viewer = Viewer::new(args.state(), args.opener(), Arc::new(|| ()));
         viewer.state.panels.hint = false;
         match wait(opening) {
-            Opened::Done(model) => {
-                viewer.take(model);
-                viewer.coarse_px = 0.0;
-            }
+            Opened::Done(model) => viewer.take(model),
             Opened::Failed(error) => return Err(error),
             Opened::NotYet(_) | Opened::Cancelled => return Err(Error::NoFile),
         }
@@ -126,21 +122,13 @@ impl<'a> Flight<'a> {
     fn single(&mut self, out: &Path) -> Result<Value, Error> {
         let camera = self.path.camera(0.0, &self.viewer.state.lens);
         self.look_from(camera);
-        let mut moved = Instant::now();
-        for _ in 0..SETTLE_FRAMES {
-            let begin = Instant::now();
-            self.viewer.refine();
-            self.time.update = begin.elapsed();
-            let numbers = self.viewer.numbers.unwrap_or_default();
-            if numbers.is_moving() {
-                moved = Instant::now();
-            } else if numbers.is_settled() || moved.elapsed() > SETTLE_IDLE {
-                break;
-            } else {
-                // What is waited for comes from a disk.
-                std::thread::sleep(Duration::from_millis(1));
-            }
+        let begin = Instant::now();
+        let state = &self.viewer.state;
+        if let Some(model) = &mut self.viewer.model {
+            let detail = state.detail.detail();
+            self.viewer.numbers = Some(model.settle(&state.detail_camera(), detail, SETTLE));
         }
+        self.time.update = begin.elapsed();
         self.upload()?;
         self.draw(out, &out.with_extension("outside.png"))?;
         Ok(self.entry(0))

@@ -11,7 +11,7 @@ use crate::camera::{outside, path};
 use crate::error::{Error, one_line};
 use crate::input::held::Held;
 use crate::input::pointer::Gesture;
-use crate::model::{Detail, Model, Numbers, Opened, Opener, Opening};
+use crate::model::{Model, Numbers, Opened, Opener, Opening};
 use crate::panels::{self, Facts};
 use crate::pick;
 use crate::state::{Axis, State};
@@ -33,15 +33,9 @@ pub(crate) struct Viewer {
     pub(crate) first_view: Option<String>,
     /// A model was opened that has not been seen yet.
     pub(crate) is_new: bool,
-    /// No finer than this many pixels just yet, so that the first picture is there at once and then becomes finer.
-    pub(crate) coarse_px: f32,
     problems_said: usize,
     notify: Notify,
 }
-
-/// What a model that was just opened begins with, and where it ends.
-const FIRST_PX: f32 = 32.0;
-const LAST_PX: f32 = 0.1;
 
 impl Viewer {
     pub(crate) fn new(state: State, opener: Opener, notify: Notify) -> Self {
@@ -56,7 +50,6 @@ impl Viewer {
             hovering: false,
             first_view: None,
             is_new: false,
-            coarse_px: 0.0,
             problems_said: 0,
             notify,
         }
@@ -80,17 +73,13 @@ impl Viewer {
     }
 
     pub(crate) fn take(&mut self, model: Box<Model>) {
-        let again = self.model.as_ref().is_some_and(|old| old.source == model.source);
-        if !again {
-            self.state.meet(&model);
-            if let Some(text) = self.first_view.take() {
-                self.go_to_text(&text);
-            }
+        self.state.meet(&model);
+        if let Some(text) = self.first_view.take() {
+            self.go_to_text(&text);
         }
         self.model = Some(model);
         self.numbers = None;
         self.is_new = true;
-        self.coarse_px = FIRST_PX;
         self.problems_said = 0;
     }
 
@@ -124,12 +113,11 @@ impl Viewer {
     /// Moves the model's detail towards what the camera needs.
     pub(crate) fn refine(&mut self) {
         let Some(model) = &mut self.model else { return };
-        let mut detail = self.state.detail.detail();
-        if let Detail::Pixels(pixels) = &mut detail {
-            *pixels = pixels.max(self.coarse_px);
+        model.set_gliding(self.state.detail.glides);
+        if let Some(time) = self.state.history.last() {
+            model.report_frame_time(time.whole);
         }
-        self.coarse_px = if self.coarse_px > LAST_PX { 0.5 * self.coarse_px } else { 0.0 };
-        let numbers = model.frame(&self.state.detail_camera(), detail);
+        let numbers = model.frame(&self.state.detail_camera(), self.state.detail.detail());
         self.state.quotas_seen(&numbers);
         self.numbers = Some(numbers);
         let problems: Vec<String> = model.problems().skip(self.problems_said).collect();
@@ -141,7 +129,7 @@ impl Viewer {
 
     /// Whether the picture is as fine as it is going to be.
     pub(crate) fn is_settled(&self) -> bool {
-        self.coarse_px == 0.0 && self.numbers.is_none_or(|numbers| numbers.is_settled())
+        self.numbers.is_none_or(|numbers| numbers.is_settled())
     }
 
     pub(crate) fn panels(&mut self, context: &egui::Context, device: &str) -> Vec<Action> {
@@ -252,9 +240,9 @@ impl Viewer {
             Action::Coarser => state.detail.scale(1.25),
             Action::NextLook => {
                 let has_colours = self.model.as_ref().is_some_and(|model| model.has_colours());
-                state.look = state.look.next(has_colours);
+                state.choose_look(state.look.next(has_colours));
             }
-            Action::Look(look) => state.look = look,
+            Action::Look(look) => state.choose_look(look),
             Action::Freeze => {
                 state.frozen = match state.frozen {
                     None => Some(state.camera()),
@@ -352,12 +340,10 @@ impl Viewer {
         Ok(())
     }
 
-    fn set_quotas(&mut self, [soft, hard]: [usize; 2]) {
-        self.opener.pager.soft_quota_bytes = soft;
-        self.opener.pager.hard_quota_bytes = hard;
-        if let (Some(model), None) = (&self.model, &self.opening) {
-            let notify = std::sync::Arc::clone(&self.notify);
-            self.opening = Some(Opening::again(model, self.opener, move || notify()));
+    fn set_quotas(&mut self, quotas: [usize; 2]) {
+        [self.opener.pager.soft_quota_bytes, self.opener.pager.hard_quota_bytes] = quotas;
+        if let Some(model) = &mut self.model {
+            model.set_quotas(quotas);
         }
     }
 

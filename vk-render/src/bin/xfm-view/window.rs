@@ -26,6 +26,7 @@ use crate::viewer::Viewer;
 
 /// Between two looks at something that is not in a hurry: progress, detail that does not come.
 const CALM: Duration = Duration::from_millis(100);
+const SOON: Duration = Duration::from_millis(15);
 /// A pause longer than this is no frame time.
 const PAUSE: Duration = Duration::from_millis(250);
 
@@ -191,11 +192,13 @@ impl App<'_> {
         let waits = self.viewer.opening.is_some()
             || !self.viewer.state.notices.shown().is_empty()
             || !self.viewer.is_settled();
-        if busy || moving || self.viewer.coarse_px > 0.0 || self.args.quit_after.is_some() {
+        if busy || moving || self.args.quit_after.is_some() {
             screen.window.request_redraw();
             self.due = None;
         } else {
-            self.due = waits.then_some(now + CALM);
+            // What comes from a disk comes soon; a thread that reads is not to be kept from it by drawing.
+            let queue = self.viewer.numbers.is_some_and(|numbers| numbers.queue > 0);
+            self.due = waits.then_some(now + if queue { SOON } else { CALM });
         }
     }
 

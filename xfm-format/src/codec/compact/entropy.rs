@@ -170,6 +170,15 @@ pub(in crate::codec) struct Reader<'a> {
     marks: Vec<usize>,
 }
 
+/// Reads over symbols and bits of which it is not known what they mean.
+pub(in crate::codec) fn skip_symbols(cursor: &mut Cursor<'_>) -> Result<(), Defect> {
+    let num_words = cursor.length("symbols")?;
+    cursor.take(num_words.saturating_mul(2).saturating_add(8), "symbols")?;
+    let num_bytes = cursor.length("bits")?;
+    cursor.take(num_bytes, "bits")?;
+    Ok(())
+}
+
 impl<'a> Reader<'a> {
     /// A reader of the parts that a page begins with.
     pub fn new(cursor: &mut Cursor<'a>, tables: Tables) -> Result<Self, Defect> {

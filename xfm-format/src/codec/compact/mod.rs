@@ -8,11 +8,11 @@ mod entropy;
 mod star;
 
 use glam::Vec3;
-use mergetree::{BoundCodes, Node, NodeId};
+use mergetree::{BoundCodes, Colour, Node, NodeId};
 
-pub(super) use self::entropy::{Coder, Reader, Symbols, Tables, Writer};
+pub(super) use self::entropy::{Coder, Reader, Symbols, Tables, Writer, skip_symbols};
 use self::star::Stars;
-use super::{PageContext, Reference};
+use super::{PageContext, Reference, colour_difference, colour_from_difference};
 use crate::bounds::enclosing_radius;
 use crate::rounding::{
     CONE_SHIFT, DEVIATION_SHIFT, MAX_STEPS, NORMAL_STEPS, RADIUS_SHIFT, normal_at, normal_steps,
@@ -105,6 +105,41 @@ impl Model {
         self.deviation(coder, part)?;
         coder.mark();
         Ok(())
+    }
+
+    /// Codes the colours of the nodes of the page that was coded last: the differences to those of near, of green by the class,
+    /// of red and blue by how large that of green is. Where they are read, all is appended to `colours`.
+    pub fn colour<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        colours: &mut Vec<Colour>,
+    ) -> Result<(), &'static str> {
+        /// Tables of red and blue are those after green's, and that of alpha the last one.
+        const OTHERS: usize = 4;
+        const ALPHA: usize = 8;
+        coder.tables(9)?;
+        let mut symbols = coder.symbols();
+        let mut fits = true;
+        for (index, kin) in self.kin.iter().enumerate() {
+            let at = kin.near as usize;
+            let near = if at == index { [0; 4] } else { colours[at] };
+            let own = if C::WRITES { colours[index] } else { near };
+            let [r, g, b, a] = colour_difference(own, near);
+            let mut code = |table: usize, byte: i8| {
+                let read = symbols.signed(table, byte.into());
+                fits &= i8::try_from(read).is_ok();
+                read as i8
+            };
+            let g = code(kin.class.into(), g);
+            let size = g.unsigned_abs();
+            let others = OTHERS + [2, 8, 24].iter().filter(|&&least| size >= least).count();
+            let difference = [code(others, r), g, code(others, b), code(ALPHA, a)];
+            if !C::WRITES {
+                colours.push(colour_from_difference(difference, near));
+            }
+        }
+        symbols.end();
+        if fits { Ok(()) } else { Err("has a colour that cannot be") }
     }
 
     fn order<C: Coder>(&mut self, coder: &mut C, part: &mut Part<'_>) -> Result<(), &'static str> {

@@ -3,27 +3,22 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, UNIX_EPOCH};
 
 use glam::Vec3;
 use mesh_io::TriangleSource;
 use scratch::Scratch;
-use xfm_build::{
-    BuildOptions, Keep, LinkOptions, MeshError, MeshProgress, NameBounds, Stage, build_mesh,
-};
+use xfm_build::{Keep, MeshError, MeshProgress, MeshReport, Stage, build_mesh};
 use xfm_format::{Encoding, PositionError, WriteOptions};
 
 use super::plan::{Mode, Plan};
 use super::report::{Built, Stages};
 use crate::mesh_stream::Input;
 use crate::progress::{Progress, Unit};
-use crate::repaired::Repaired;
 use crate::{Error, interrupt};
 
 /// Triangles looked at at once.
 const BATCH: usize = 1 << 14;
-/// What a kept log is named, before its extension.
-const KEPT: &str = "xfm-build";
 
 /// What is asked for.
 #[derive(Debug, Clone)]
@@ -36,26 +31,30 @@ pub struct Request<'a> {
     pub output: &'a Path,
     /// How the file is written, whatever its frame.
     pub write: WriteOptions,
+    /// How much colours count.
+    pub colour_weight: f32,
     /// Threads to use at most.
     pub threads: Option<NonZeroUsize>,
-    /// Whether the log is kept for a later run, and that of an earlier run gone on with.
+    /// Whether to go on with what an earlier run has left.
     pub resume: bool,
+    /// Time from one checkpoint to the next, where they are kept.
+    pub checkpoint_every: Option<Duration>,
 }
 
 /// Goes on where an earlier run ended, if that is wanted and there is one; begins otherwise.
 ///
 /// # Errors
 ///
-/// An input that cannot be read or has nothing in it; no room for scratch files; an output that cannot be written.
+/// An input that cannot be read or has nothing in it; no room for scratch files; an output that cannot be written; what an
+/// earlier run has left and cannot be gone on with.
 pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
-    if request.resume
-        && let Some(built) = resume(request, plan)?
-    {
-        return Ok(built);
-    }
     let mut options = plan.options();
-    options.keep = request.resume.then(|| keep(request));
+    options.keep = plan.keeps.then(|| keep(request));
+    options.resume = request.resume;
+    options.checkpoint_every = request.checkpoint_every;
     options.threads = request.threads;
+    options.colour_weight = request.colour_weight;
+    let keep = options.keep.clone();
     let mut bars = Bars::default();
     let mut observer = |progress: MeshProgress| bars.show(progress, plan.expected_triangles);
     let input = request.input;
@@ -82,12 +81,18 @@ pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
     let report = built.map_err(|error| match error {
         MeshError::Empty => Error::NothingToBuild { file: request.path.to_owned() },
         MeshError::Build(xfm_build::Error::Interrupted) => Error::Interrupted,
+        MeshError::Build(error @ xfm_build::Error::State { .. }) => Error::Resume { source: error },
         MeshError::Build(error) => error.into(),
         MeshError::Collapse(error) => failed(input, plan, error),
         error => Error::BuildMesh(error),
+    });
+    let report = report.map_err(|error| match (error, &keep) {
+        (Error::Interrupted, Some(keep)) if keep.is_there(&Scratch::new(&plan.scratch)) => {
+            Error::InterruptedKept { folder: plan.scratch.clone() }
+        }
+        (error, _) => error,
     })?;
-    let repaired = report.collapse.repaired.counts().into();
-    Ok(built_of(&report.built, plan.mode, repaired, report.collapse.input_triangles))
+    Ok(built_of(&report, plan.mode))
 }
 
 /// What went wrong with the triangles, with the input's name and what can be done about it.
@@ -105,49 +110,24 @@ fn failed(input: &Input, plan: &Plan, error: stream_decimate::Error) -> Error {
     }
 }
 
-fn built_of(
-    report: &xfm_build::BuildReport,
-    mode: Mode,
-    repaired: Repaired,
-    input_triangles: u64,
-) -> Built {
+fn built_of(report: &MeshReport, mode: Mode) -> Built {
+    let MeshReport { built, collapse, resumed, .. } = report;
     Built {
         mode,
-        input_triangles,
-        nodes: report.nodes,
-        base_triangles: report.base_triangles,
-        repaired,
-        written: report.written,
-        scratch_bytes: report.scratch_bytes,
+        input_triangles: collapse.input_triangles,
+        nodes: built.nodes,
+        base_triangles: built.base_triangles,
+        repaired: collapse.repaired.counts().into(),
+        written: built.written,
+        scratch_bytes: built.scratch_bytes,
         stages: Stages {
-            collapse: report.collapse,
-            number: report.number,
-            write: report.write,
+            collapse: built.collapse,
+            number: built.number,
+            write: built.write,
             ..Stages::default()
         },
-        resumed: false,
+        resumed: *resumed,
     }
-}
-
-fn resume(request: &Request<'_>, plan: &Plan) -> Result<Option<Built>, Error> {
-    // What was linked knows its names; there is nothing left to link.
-    let names = NameBounds { vertices: 0, faces: 0 };
-    let mut options = BuildOptions::new(LinkOptions::new(names));
-    options.link.write = super::in_frame(&request.write, request.input.open()?.frame());
-    if request.write.encoding == Encoding::Compact {
-        options.link.write.position_error = position_error(request)?;
-    }
-    options.number.memory_bytes = plan.options().plan().number_bytes;
-    options.keep = Some(keep(request));
-    let mut bars = Bars::default();
-    let scratch = Scratch::new(&plan.scratch);
-    let resumed = xfm_build::resume(request.output, &scratch, &options, &mut |done| {
-        bars.show(MeshProgress::Build(done), plan.expected_triangles)
-    })?;
-    Ok(resumed.map(|report| Built {
-        resumed: true,
-        ..built_of(&report, Mode::Streaming, Repaired::new(), report.input_triangles)
-    }))
 }
 
 /// The error allowed for positions in model units; a share of the bounding box takes one more pass over the file.
@@ -167,21 +147,36 @@ fn position_error(request: &Request<'_>) -> Result<PositionError, Error> {
     Ok(error.in_units(if bounds[0].is_finite() { bounds } else { [Vec3::ZERO; 2] }))
 }
 
-/// What a run has to have in common with one that it goes on with: input, options, version.
+/// What a run has to have in common with one that it goes on with: input, options, version. What comes through a pipe is
+/// compared when it comes.
 fn keep(request: &Request<'_>) -> Keep {
-    let (length, seconds) = request.path.metadata().map_or((0, 0), |metadata| {
-        let written =
-            metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
-        (metadata.len(), written.map_or(0, |time| time.as_nanos()))
-    });
-    let name = request.path.canonicalize().unwrap_or_else(|_| request.path.to_owned());
-    let identity = format!(
-        "{}\n{length}\n{seconds}\n{:?}\n{}",
-        name.display(),
-        request.write,
-        env!("CARGO_PKG_VERSION")
-    );
-    Keep { name: KEPT.to_owned(), identity: identity.into_bytes() }
+    let input = if request.input.is_file() {
+        let (length, time) = request.path.metadata().map_or((0, 0), |metadata| {
+            let written =
+                metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+            (metadata.len(), written.map_or(0, |time| time.as_nanos()))
+        });
+        let name = request.path.canonicalize().unwrap_or_else(|_| request.path.to_owned());
+        format!("{}\n{length}\n{time}", name.display())
+    } else {
+        "a pipe".to_owned()
+    };
+    let (write, version) = (&request.write, env!("CARGO_PKG_VERSION"));
+    let colours = request.colour_weight;
+    let identity = format!("{input}\n{write:?}\n{colours}\n{version}");
+    Keep { name: kept_name(request.output), identity: identity.into_bytes() }
+}
+
+/// What begins the names of files that are kept: that of the output, and a number that is another for one of the same name
+/// in another folder.
+fn kept_name(output: &Path) -> String {
+    let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
+    let path = match (path.parent().map(Path::canonicalize), path.file_name()) {
+        (Some(Ok(folder)), Some(name)) => folder.join(name),
+        _ => path,
+    };
+    let name = output.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    format!("{name}-{:08x}", crc32fast::hash(path.as_os_str().as_encoded_bytes()))
 }
 
 /// A bar for one stage after the other.
@@ -196,6 +191,7 @@ impl Bars {
             MeshProgress::Collapse(at) => match at.stage {
                 Reading::Counting => ("counting", at.read, at.expected.or(expected)),
                 Reading::Sorting => ("sorting", at.read, at.expected.or(expected)),
+                Reading::Skipping => ("skipping", at.read, at.expected.or(expected)),
                 _ => ("collapsing", at.read, at.expected.or(expected)),
             },
             MeshProgress::Build(at) => match at.stage {

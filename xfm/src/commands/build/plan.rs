@@ -65,6 +65,10 @@ pub struct Plan {
     pub memory: u64,
     /// The folder for scratch files.
     pub scratch: PathBuf,
+    /// Whether a run that is broken off leaves there what a later one can go on from.
+    pub keeps: bool,
+    /// Whether vertices have colours.
+    pub colours: bool,
 }
 
 impl Plan {
@@ -81,7 +85,14 @@ impl Plan {
         options.expected_triangles = expected_triangles;
         options.mode = forced.map(Mode::of_build);
         let mode = Mode::new(options.plan().mode);
-        Self { mode, expected_triangles, memory, scratch }
+        Self { mode, expected_triangles, memory, scratch, keeps: false, colours: false }
+    }
+
+    /// The same for vertices with colours or without.
+    pub fn with_colours(self, colours: bool, forced: Option<Mode>) -> Self {
+        let mut options = Self { colours, ..self.clone() }.options();
+        options.mode = forced.map(Mode::of_build);
+        Self { mode: Mode::new(options.plan().mode), colours, ..self }
     }
 
     /// Makes sure that the disks have room for the file and for what is written on the way to it.
@@ -91,15 +102,22 @@ impl Plan {
     /// [`Error::NoRoom`] where they have not, as far as the system tells and the input says how large it is.
     pub fn check_room(&self, output: &Path) -> Result<(), Error> {
         let Some(triangles) = self.expected_triangles else { return Ok(()) };
+        // Of a node, of which there is one for two triangles.
+        let colour_bytes = if self.colours { 2 } else { 0 };
+        let triangles_bytes = triangles.saturating_mul(SCRATCH_BYTES_PER_TRIANGLE + colour_bytes);
         let beside = match output.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let file = triangles.saturating_mul(FILE_BYTES_PER_TRIANGLE);
+        let file = triangles.saturating_mul(FILE_BYTES_PER_TRIANGLE + colour_bytes);
         // What the memory holds besides need not lie on the disk, but what it will hold is not known yet.
         let on_disk = match self.mode {
+            // The log, and all of what is made of it.
+            _ if self.keeps => {
+                triangles_bytes.saturating_mul(2).saturating_add(self.options().checkpoint_bytes())
+            }
             Mode::InCore => 0,
-            Mode::Streaming => triangles.saturating_mul(SCRATCH_BYTES_PER_TRIANGLE),
+            Mode::Streaming => triangles_bytes,
         };
         if beside == self.scratch {
             return require(beside, file.saturating_add(on_disk), "--scratch");
@@ -122,7 +140,7 @@ impl Plan {
         let (Mode::InCore, Some(triangles)) = (self.mode, self.expected_triangles) else {
             return Ok(());
         };
-        let (needed, memory) = (MeshOptions::in_core_bytes(triangles), self.memory);
+        let (needed, memory) = (self.options().in_core_bytes(triangles), self.memory);
         if needed > memory {
             return Err(Error::MemoryTooSmall {
                 file: input.to_owned(),
@@ -140,6 +158,7 @@ impl Plan {
         options.memory_bytes = self.memory;
         options.expected_triangles = self.expected_triangles;
         options.mode = Some(self.mode.of_build());
+        options.colours = self.colours;
         options
     }
 }
@@ -202,6 +221,14 @@ mod tests {
             elsewhere.scratch = std::env::temp_dir();
             let message = elsewhere.check_room(&output).unwrap_err().to_string();
             assert!(message.contains("another output"), "{message}");
+            // Room for what is kept too, even of a mesh that is in memory.
+            let free = Scratch::new(folder.path()).free_bytes().unwrap();
+            let mut kept = plan(free / 50);
+            kept.memory = u64::MAX / 2;
+            kept.mode = Mode::InCore;
+            kept.check_room(&output).unwrap();
+            kept.keeps = true;
+            assert!(kept.check_room(&output).is_err());
         }
     }
 }

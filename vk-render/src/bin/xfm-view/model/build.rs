@@ -3,7 +3,6 @@
 use std::fs::{self, Metadata};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use clap::ValueEnum;
 use tempfile::TempDir;
@@ -29,7 +28,7 @@ pub(crate) enum Cache {
 }
 
 /// A hierarchy, and the folder that goes with it where it is temporary.
-pub(super) type Built = (PathBuf, Option<Arc<TempDir>>);
+pub(super) type Built = (PathBuf, Option<TempDir>);
 
 /// Finds the hierarchy of a mesh or builds it, telling `progress`, which may break it off.
 pub(super) fn find_or_build(
@@ -61,7 +60,7 @@ pub(super) fn find_or_build(
         .map_err(Error::file(std::env::temp_dir()))?;
     let file = folder.path().join("model.xfm");
     build(input, &file, progress)?;
-    Ok((file, Some(Arc::new(folder))))
+    Ok((file, Some(folder)))
 }
 
 fn is_newer(built: &Metadata, mesh: &Metadata) -> bool {

@@ -8,12 +8,13 @@ mod opening;
 mod paint;
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use glam::{DVec3, Vec3};
-use mergetree::{Camera, Dependencies, FrontVertex};
+use mergetree::{Camera, FrontVertex};
 use tempfile::TempDir;
 use vk_render::{MeshBuffers, MeshUpdate, Uploaded, Vertex};
-use xfm_pager::{Pager, PagerOptions, Session};
+use xfm_pager::{Pager, PagerOptions, Session, SessionOptions};
 
 pub(crate) use numbers::Numbers;
 pub(crate) use opening::{Opened, Opening};
@@ -25,11 +26,14 @@ use paint::Painted;
 
 const _: () = assert!(size_of::<FrontVertex>() == size_of::<Vertex>());
 
+/// Frames in which a vertex glides to its place.
+const GLIDE_FRAMES: u32 = 8;
+
 /// How a model is opened.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Opener {
     pub(crate) pager: PagerOptions,
-    pub(crate) dependencies: Dependencies,
+    pub(crate) session: SessionOptions,
     pub(crate) cache: build::Cache,
 }
 
@@ -42,35 +46,33 @@ pub(crate) struct Model {
     painted: Painted,
     /// The file that was asked for.
     pub(crate) source: PathBuf,
-    /// The hierarchy: that file, or one built of it.
-    file: PathBuf,
     pub(crate) bounds: [Vec3; 2],
     /// Where the origin of all positions lies in the file's own frame.
     pub(crate) origin: DVec3,
     pub(crate) input_triangles: u64,
     /// Levels of the deepest tree.
     pub(crate) depth: u8,
-    /// Where a mesh was built; gone with the last model that uses it.
-    built: Option<std::sync::Arc<TempDir>>,
+    /// Where a mesh was built; gone with the model.
+    _built: Option<TempDir>,
 }
 
 impl Model {
     /// Opens a hierarchy. Takes as long as it takes to read the coarsest mesh.
     fn open(
         source: &Path,
-        file: PathBuf,
-        built: Option<std::sync::Arc<TempDir>>,
+        file: &Path,
+        built: Option<TempDir>,
         opener: &Opener,
     ) -> Result<Self, Error> {
-        let pager = Pager::open(&file, opener.pager)?;
+        let pager = Pager::open(file, opener.pager)?;
         let header = pager.file().header();
         let (bounds, origin, input_triangles) =
             (header.bounds, header.origin, header.input_triangles);
         let depth = header.tree_depth.clamp(1, 255) as u8;
-        let session = Session::new(pager, opener.dependencies)?;
+        let session = Session::with_options(pager, opener.session)?;
         let source = source.to_owned();
         let painted = Painted::default();
-        Ok(Self { session, painted, source, file, bounds, origin, input_triangles, depth, built })
+        Ok(Self { session, painted, source, bounds, origin, input_triangles, depth, _built: built })
     }
 
     /// Whether triangles are clockwise seen from outside.
@@ -80,14 +82,38 @@ impl Model {
 
     /// Whether vertices have colours of their own.
     pub(crate) fn has_colours(&self) -> bool {
-        // No file has any so far.
-        false
+        !self.session.front().colours().is_empty()
     }
 
     /// Moves the detail towards what the camera needs.
     pub(crate) fn frame(&mut self, camera: &Camera, detail: Detail) -> Numbers {
         let stats = self.session.frame(camera, detail);
         Numbers::of(&stats, self.session.pager())
+    }
+
+    /// Moves the detail on until no more comes, or for so long.
+    pub(crate) fn settle(&mut self, camera: &Camera, detail: Detail, most: Duration) -> Numbers {
+        let stats = self.session.settle(camera, detail, most);
+        Numbers::of(&stats, self.session.pager())
+    }
+
+    /// Tells how long the last frame took, for whoever holds a time.
+    pub(crate) fn report_frame_time(&mut self, time: Duration) {
+        self.session.report_frame_time(time);
+    }
+
+    /// Changes how much memory detail may take, in bytes.
+    pub(crate) fn set_quotas(&mut self, [soft, hard]: [usize; 2]) {
+        self.session.set_quotas(soft, hard);
+    }
+
+    /// Whether vertices glide to their places, instead of being there at once.
+    pub(crate) fn set_gliding(&mut self, glides: bool) {
+        let mut options = self.session.options();
+        options.geomorph_frames = if glides { GLIDE_FRAMES } else { 0 };
+        if options != self.session.options() {
+            self.session.set_options(options);
+        }
     }
 
     /// Sends what changed to the device, with the colours that `paint` asks for.
@@ -104,7 +130,10 @@ impl Model {
             vertex_ranges: &changes.vertices,
             triangles: self.session.triangles(),
             triangle_ranges: &changes.triangles,
-            colours: self.painted.colours(),
+            colours: match paint {
+                Paint::Own => self.session.front().colours(),
+                _ => self.painted.colours(),
+            },
             colour_ranges: &colours,
         })?)
     }

@@ -22,11 +22,17 @@ pub(crate) struct Numbers {
     /// Requests for detail that was there, and for detail that was not.
     pub(crate) hits: u64,
     pub(crate) misses: u64,
-    /// Requests that wait for the disk, where a pager has such a queue.
-    pub(crate) queue: Option<usize>,
+    /// Pages that were asked for and are not there yet.
+    pub(crate) queue: usize,
+    /// Whether there was more to do than a frame may, or vertices are on their way to their places.
+    pub(crate) goes_on: bool,
+    /// Whether the picture is coarser than was asked for, because memory is used up.
+    pub(crate) short_of_memory: bool,
     pub(crate) damaged_pages: usize,
     pub(crate) test_time: Duration,
     pub(crate) update_time: Duration,
+    pub(crate) handover_time: Duration,
+    /// Of the threads that read.
     pub(crate) load_time: Duration,
 }
 
@@ -44,24 +50,27 @@ impl Numbers {
             resident_bytes: stats.resident_bytes,
             soft_quota: options.soft_quota_bytes,
             hard_quota: options.hard_quota_bytes,
-            hits: state.frame.hits,
-            misses: state.frame.misses,
-            queue: None,
+            hits: stats.requests[0],
+            misses: stats.requests[1],
+            queue: stats.queued_pages,
+            goes_on: stats.is_limited || stats.morphing > 0,
+            short_of_memory: stats.is_short_of_memory,
             damaged_pages: state.damaged_pages,
             test_time: stats.test_time,
             update_time: stats.update_time,
+            handover_time: stats.handover_time,
             load_time: stats.load_time,
         }
     }
 
     /// Whether the picture is as fine as it is going to be.
     pub(crate) fn is_settled(&self) -> bool {
-        self.updates == 0 && self.waiting == 0
+        !self.is_moving() && self.waiting == 0 && self.queue == 0
     }
 
     /// Whether anything happened, so that the next frame is likely to bring more.
     pub(crate) fn is_moving(&self) -> bool {
-        self.updates > 0 || self.blocks_loaded > 0 || self.queue.is_some_and(|queue| queue > 0)
+        self.updates > 0 || self.blocks_loaded > 0 || self.goes_on
     }
 
     /// Share of the requests that were for detail that was there, 0 to 1; `None` where there was no request.

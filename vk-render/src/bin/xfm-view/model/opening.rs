@@ -73,18 +73,8 @@ impl Opening {
             } else {
                 build::find_or_build(&source, opener.cache, progress)?
             };
-            Model::open(&source, file, built, &opener)
+            Model::open(&source, &file, built, &opener)
         })
-    }
-
-    /// Starts to open a model's file again, with other quotas; what is on the screen stays until it is there.
-    pub(crate) fn again(
-        model: &Model,
-        opener: Opener,
-        notify: impl FnOnce() + Send + 'static,
-    ) -> Self {
-        let (source, file, built) = (model.source.clone(), model.file.clone(), model.built.clone());
-        Self::run(source.clone(), notify, move |_| Model::open(&source, file, built, &opener))
     }
 
     fn run(

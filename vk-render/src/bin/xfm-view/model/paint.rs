@@ -66,8 +66,17 @@ impl Painted {
         let colour: fn(&Session, mergetree::NodeId) -> [u8; 4] = match paint {
             Paint::Block => of_block,
             Paint::Residency => of_residency,
-            Paint::Nothing | Paint::Own => {
-                // Files have no colours yet.
+            Paint::Own => {
+                self.colours = Vec::new();
+                let all = 0..session.vertices().len() as u32;
+                // What changes vertices changes their colours.
+                return if std::mem::replace(&mut self.paint, paint) == paint {
+                    changes.vertices.clone()
+                } else {
+                    vec![all]
+                };
+            }
+            Paint::Nothing => {
                 self.colours = Vec::new();
                 self.paint = paint;
                 return Vec::new();

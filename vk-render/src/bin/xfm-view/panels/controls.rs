@@ -4,7 +4,7 @@ use egui::{Align2, Context, RichText, Slider, Ui, Window};
 
 use crate::action::Action;
 use crate::panels::{Facts, style, words};
-use crate::state::{Axis, DetailChoice, Look, State};
+use crate::state::{Axis, By, DetailChoice, Look, State};
 
 const WIDTH: f32 = 236.0;
 
@@ -51,24 +51,39 @@ fn detail(ui: &mut Ui, state: &mut State) {
     heading(ui, "Detail");
     let choice = &mut state.detail;
     ui.horizontal(|ui| {
-        ui.selectable_value(&mut choice.by_budget, false, "Error in pixels")
-            .on_hover_text("Everything is as fine as this error on the screen asks for (+ and −)");
-        ui.selectable_value(&mut choice.by_budget, true, "Triangles")
-            .on_hover_text("So many triangles are held; the error follows (+ and −)");
+        ui.spacing_mut().item_spacing.x = 2.0;
+        for (by, name, words) in [
+            (By::Pixels, "Pixel error", "As fine as this error on the screen asks for (+ and −)"),
+            (By::Triangles, "Triangles", "So many triangles are held; the error follows (+ and −)"),
+            (By::Time, "Time", "Frames take so long; the error follows (+ and −)"),
+        ] {
+            ui.selectable_value(&mut choice.by, by, name).on_hover_text(words);
+        }
     });
-    if choice.by_budget {
-        let [least, most] = DetailChoice::BUDGET;
-        let slider = Slider::new(&mut choice.budget, least..=most)
-            .logarithmic(true)
-            .custom_formatter(|n, _| short(n))
-            .custom_parser(parse_short);
-        ui.add(slider).on_hover_text("Number of triangles");
-    } else {
-        let [least, most] = DetailChoice::PIXELS;
-        let slider = Slider::new(&mut choice.pixels, least..=most).logarithmic(true).suffix(" px");
-        ui.add(slider)
-            .on_hover_text("Error on the screen: to the left finer, to the right coarser");
-    }
+    let slider = match choice.by {
+        By::Pixels => {
+            let [least, most] = DetailChoice::PIXELS;
+            Slider::new(&mut choice.pixels, least..=most).suffix(" px")
+        }
+        By::Triangles => {
+            let [least, most] = DetailChoice::BUDGET;
+            Slider::new(&mut choice.budget, least..=most)
+                .custom_formatter(|n, _| short(n))
+                .custom_parser(parse_short)
+        }
+        By::Time => {
+            let [least, most] = DetailChoice::FRAME_MS;
+            Slider::new(&mut choice.frame_ms, least..=most).suffix(" ms").fixed_decimals(0)
+        }
+    };
+    let words = match choice.by {
+        By::Pixels => "To the left finer, to the right coarser",
+        By::Triangles => "To the left fewer triangles, to the right more",
+        By::Time => "To the left faster and coarser, to the right slower and finer",
+    };
+    ui.add(slider.logarithmic(true)).on_hover_text(words);
+    ui.checkbox(&mut choice.glides, "vertices glide to their places")
+        .on_hover_text("Detail comes and goes over a few frames instead of at once");
 }
 
 fn look(ui: &mut Ui, state: &State, facts: &Facts<'_>, asked: &mut Vec<Action>) {

@@ -131,9 +131,18 @@ fn detail(ui: &mut Ui, numbers: &Numbers) {
     let hits =
         numbers.hit_rate().map_or_else(|| "–".into(), |share| format!("{:.1} %", 100.0 * share));
     row(ui, "cache hits", hits, "Share of the requests for detail that was in memory");
-    let queue =
-        numbers.queue.map_or_else(|| count(numbers.waiting as u64), |queue| count(queue as u64));
-    row(ui, "queue", queue, "Detail that is wanted and not there yet");
+    row(
+        ui,
+        "queue",
+        count(numbers.queue as u64),
+        "Pages of the file that were asked for and are to come",
+    );
+    row(
+        ui,
+        "waiting",
+        count(numbers.waiting as u64),
+        "Places that would be finer if that detail were there",
+    );
     if numbers.damaged_pages > 0 {
         let pages = count(numbers.damaged_pages as u64);
         row_in(
@@ -149,7 +158,13 @@ fn detail(ui: &mut Ui, numbers: &Numbers) {
 fn times(ui: &mut Ui, numbers: &Numbers, history: &History) {
     row(ui, "view tests", ms(numbers.test_time), "Time for tests against the view");
     row(ui, "updates", ms(numbers.update_time), "Time for splits and collapses");
-    row(ui, "loading", ms(numbers.load_time), "Time for reading blocks");
+    row(
+        ui,
+        "handover",
+        ms(numbers.handover_time),
+        "Time for taking blocks over and letting others go",
+    );
+    row(ui, "loading", ms(numbers.load_time), "Time of the threads that read, beside the frames");
     let upload = history.last().map_or_else(Default::default, |frame| frame.upload);
     row(ui, "upload", ms(upload), "Time to send what changed to the device");
 }
@@ -157,7 +172,7 @@ fn times(ui: &mut Ui, numbers: &Numbers, history: &History) {
 fn memory(ui: &mut Ui, numbers: &Numbers) {
     let share = numbers.resident_bytes as f32 / numbers.hard_quota.max(1) as f32;
     let text = format!("{} of {}", size(numbers.resident_bytes), size(numbers.hard_quota));
-    let colour = if numbers.resident_bytes > numbers.soft_quota {
+    let colour = if numbers.short_of_memory || numbers.resident_bytes > numbers.soft_quota {
         Color32::from_rgb(150, 96, 30)
     } else {
         Color32::from_rgb(38, 92, 140)
@@ -170,4 +185,8 @@ fn memory(ui: &mut Ui, numbers: &Numbers) {
         "Memory for detail, of what is never exceeded. Above {} what is not shown is let go.",
         size(numbers.soft_quota)
     ));
+    if numbers.short_of_memory {
+        let text = RichText::new("memory is used up: coarser").color(style::WARN);
+        ui.label(text).on_hover_text("Raise the limit of memory for detail to see it finer");
+    }
 }

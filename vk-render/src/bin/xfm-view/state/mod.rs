@@ -1,5 +1,6 @@
 //! What the viewer is set to and what its tools hold; nothing of windows or drawing.
 
+mod detail;
 mod history;
 mod look;
 mod measure;
@@ -10,6 +11,7 @@ use glam::Vec3;
 use mergetree::{Camera, CameraPath};
 use vk_render::Shading;
 
+pub(crate) use detail::{By, DetailChoice};
 pub(crate) use history::{FrameTime, History};
 pub(crate) use look::Look;
 pub(crate) use measure::{Measure, length_text, position_text};
@@ -19,37 +21,7 @@ pub(crate) use section::{Axis, SectionTool};
 use crate::camera::navigator::Navigator;
 use crate::camera::path::{Recording, Replay};
 use crate::camera::standard::Up;
-use crate::model::{Detail, Model, Numbers, Paint};
-
-/// What decides how fine the picture is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct DetailChoice {
-    /// Whether a number of triangles is held; else the error in pixels.
-    pub(crate) by_budget: bool,
-    pub(crate) pixels: f32,
-    pub(crate) budget: usize,
-}
-
-impl DetailChoice {
-    /// Least and largest error in pixels.
-    pub(crate) const PIXELS: [f32; 2] = [0.1, 100.0];
-    /// Least and largest number of triangles.
-    pub(crate) const BUDGET: [usize; 2] = [1_000, 50_000_000];
-
-    pub(crate) fn detail(&self) -> Detail {
-        if self.by_budget { Detail::Budget(self.budget) } else { Detail::Pixels(self.pixels) }
-    }
-
-    /// Finer by a factor below one, coarser by one above.
-    pub(crate) fn scale(&mut self, factor: f32) {
-        if self.by_budget {
-            let budget = (self.budget as f32 / factor) as usize;
-            self.budget = budget.clamp(Self::BUDGET[0], Self::BUDGET[1]);
-        } else {
-            self.pixels = (self.pixels * factor).clamp(Self::PIXELS[0], Self::PIXELS[1]);
-        }
-    }
-}
+use crate::model::{Model, Numbers, Paint};
 
 /// Which panels are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +53,8 @@ pub(crate) struct State {
     pub(crate) quotas: [usize; 2],
     quotas_in_force: [usize; 2],
     pub(crate) look: Look,
+    /// Whether somebody has chosen that; else it goes by the model.
+    look_is_chosen: bool,
     pub(crate) fly: bool,
     /// The camera that the detail is kept for, while it is not the one that looks.
     pub(crate) frozen: Option<Camera>,
@@ -98,7 +72,12 @@ pub(crate) struct State {
 }
 
 impl State {
-    pub(crate) fn new(lens: Camera, detail: DetailChoice, look: Look, quotas: [usize; 2]) -> Self {
+    pub(crate) fn new(
+        lens: Camera,
+        detail: DetailChoice,
+        look: Option<Look>,
+        quotas: [usize; 2],
+    ) -> Self {
         let bounds = [Vec3::NEG_ONE, Vec3::ONE];
         Self {
             navigator: Navigator::around(bounds, Up::Y, &lens),
@@ -107,7 +86,8 @@ impl State {
             detail,
             quotas,
             quotas_in_force: quotas,
-            look,
+            look: look.unwrap_or_default(),
+            look_is_chosen: look.is_some(),
             fly: false,
             frozen: None,
             section: SectionTool::default(),
@@ -130,8 +110,10 @@ impl State {
         self.replayed = None;
         self.section.on = false;
         self.measure.points.clear();
-        if self.look == Look::Own && !model.has_colours() {
-            self.look = Look::Smooth;
+        match (model.has_colours(), self.look) {
+            (true, _) if !self.look_is_chosen => self.look = Look::Own,
+            (false, Look::Own) => self.look = Look::Smooth,
+            _ => {}
         }
     }
 
@@ -180,6 +162,11 @@ impl State {
             self.quotas_in_force = in_force;
             self.quotas = in_force;
         }
+    }
+
+    pub(crate) fn choose_look(&mut self, look: Look) {
+        self.look = look;
+        self.look_is_chosen = true;
     }
 
     pub(crate) fn shading(&self) -> Shading {
