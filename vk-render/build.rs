@@ -6,15 +6,26 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// Every module is `common.wgsl` followed by its own file.
-const MODULES: [&str; 4] = ["background", "mesh", "lines", "overlay"];
+/// Every module is `common.wgsl` followed by files of its own.
+const MODULES: [(&str, &[&str]); 6] = [
+    ("background", &["background"]),
+    ("mesh", &["whole", "mesh"]),
+    ("mesh_cut", &["cut", "mesh"]),
+    ("lines", &["lines"]),
+    ("overlay", &["overlay"]),
+    ("ui", &["ui"]),
+];
 
 fn main() -> Result<(), String> {
     println!("cargo::rerun-if-changed=shaders");
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
     let common = read("common")?;
-    for name in MODULES {
-        let words = compile(name, &format!("{common}\n{}", read(name)?))?;
+    for (name, files) in MODULES {
+        let mut source = common.clone();
+        for file in files {
+            source = format!("{source}\n{}", read(file)?);
+        }
+        let words = compile(name, &source)?;
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let path = out.join(format!("{name}.spv"));
         fs::write(&path, bytes).map_err(|error| format!("{}: {error}", path.display()))?;

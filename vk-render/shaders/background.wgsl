@@ -16,10 +16,11 @@ fn vs_background(@builtin(vertex_index) index: u32) -> Covered {
 fn fs_background(in: Covered) -> @location(0) vec4<f32> {
     let down = in.clip.y / frame.viewport_px.y;
     // Mixed as the eye sees it, and dithered by less than one step of eight bits, so that no bands show.
-    let top = to_srgb(frame.background_top.rgb);
-    let bottom = to_srgb(frame.background_bottom.rgb);
+    let top = frame.background_top.rgb;
+    let bottom = frame.background_bottom.rgb;
     let eased = down * down * (3.0 - 2.0 * down);
-    let grain = fract(sin(dot(floor(in.clip.xy), vec2<f32>(12.9898, 78.233))) * 43758.547) - 0.5;
+    // Interleaved gradient noise (Jimenez, Next Generation Post Processing in Call of Duty, 2014): a few products per pixel.
+    let grain = fract(52.9829189 * fract(dot(floor(in.clip.xy), vec2<f32>(0.06711056, 0.00583715)))) - 0.5;
     let colour = clamp(mix(top, bottom, eased) + grain / 255.0, vec3<f32>(0.0), vec3<f32>(1.0));
-    return to_target(to_linear(colour), 1.0);
+    return vec4<f32>(srgb_to_target(colour), 1.0);
 }

@@ -3,7 +3,7 @@
 struct Frame {
     view: mat4x4<f32>,
     projection: mat4x4<f32>,
-    // Colours are linear.
+    // In sRGB.
     background_top: vec4<f32>,
     background_bottom: vec4<f32>,
     viewport_px: vec2<f32>,
@@ -15,6 +15,8 @@ struct Frame {
     // 1 where triangles are clockwise seen from outside, else 0.
     inside_out: f32,
     padding: f32,
+    // A plane in view space: what lies on its positive side is cut away, where a pass looks at it.
+    section: vec4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -36,4 +38,12 @@ fn to_target(linear: vec3<f32>, alpha: f32) -> vec4<f32> {
         return vec4<f32>(to_srgb(linear), alpha);
     }
     return vec4<f32>(linear, alpha);
+}
+
+// For what has its colour in sRGB already: nothing is to be done where the target stores it so.
+fn srgb_to_target(srgb: vec3<f32>) -> vec3<f32> {
+    if frame.encode > 0.5 {
+        return srgb;
+    }
+    return to_linear(srgb);
 }

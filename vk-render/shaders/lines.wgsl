@@ -7,7 +7,7 @@ struct Line {
     padding: u32,
 }
 
-@group(0) @binding(1) var<storage, read> lines: array<Line>;
+@group(1) @binding(0) var<storage, read> lines: array<Line>;
 
 struct Quad {
     @builtin(position) clip: vec4<f32>,
@@ -56,5 +56,5 @@ fn vs_line(@builtin(vertex_index) index: u32) -> Quad {
 @fragment
 fn fs_line(in: Quad) -> @location(0) vec4<f32> {
     let cover = clamp(frame.line_width_px * 0.5 + 0.5 - abs(in.side_px), 0.0, 1.0);
-    return to_target(to_linear(in.rgba.rgb), in.rgba.a * cover);
+    return vec4<f32>(srgb_to_target(in.rgba.rgb), in.rgba.a * cover);
 }

@@ -12,6 +12,8 @@ struct Vertex {
 
 @group(1) @binding(0) var<storage, read> vertices: array<Vertex>;
 @group(1) @binding(1) var<storage, read> triangles: array<u32>;
+// Of each vertex, where the mesh has any: red, green, blue in sRGB, and an opacity that is not looked at.
+@group(1) @binding(2) var<storage, read> colours: array<u32>;
 
 struct Surface {
     @builtin(position) clip: vec4<f32>,
@@ -20,6 +22,8 @@ struct Surface {
     @location(1) normal: vec3<f32>,
     @location(2) barycentric: vec3<f32>,
     @location(3) @interpolate(flat) level: f32,
+    // Linear.
+    @location(4) colour: vec3<f32>,
 }
 
 fn unfold(normal: u32) -> vec3<f32> {
@@ -39,7 +43,12 @@ fn place(vertex: Vertex) -> Surface {
     out.normal = (frame.view * vec4<f32>(unfold(vertex.normal), 0.0)).xyz;
     out.barycentric = vec3<f32>(1.0);
     out.level = f32(vertex.level & 0xffu);
+    out.colour = vec3<f32>(0.0);
     return out;
+}
+
+fn colour_of(index: u32) -> vec3<f32> {
+    return to_linear(unpack4x8unorm(colours[index]).rgb);
 }
 
 @vertex
@@ -48,7 +57,13 @@ fn vs_shared(@builtin(vertex_index) index: u32) -> Surface {
 }
 
 @vertex
-fn vs_corner(@builtin(vertex_index) index: u32) -> Surface {
+fn vs_coloured(@builtin(vertex_index) index: u32) -> Surface {
+    var out = place(vertices[index]);
+    out.colour = colour_of(index);
+    return out;
+}
+
+fn place_corner(index: u32) -> Surface {
     let first = index - index % 3u;
     let a = triangles[first];
     let b = triangles[first + 1u];
@@ -59,6 +74,25 @@ fn vs_corner(@builtin(vertex_index) index: u32) -> Surface {
     // A face is as fine as its finest corner.
     let finest = max(max(vertices[a].level & 0xffu, vertices[b].level & 0xffu), vertices[c].level & 0xffu);
     out.level = f32(finest);
+    return out;
+}
+
+@vertex
+fn vs_corner(@builtin(vertex_index) index: u32) -> Surface {
+    return place_corner(index);
+}
+
+// As `vs_corner`, with one colour for the whole face: that of its finest corner, the first of them.
+@vertex
+fn vs_patch(@builtin(vertex_index) index: u32) -> Surface {
+    var out = place_corner(index);
+    let first = index - index % 3u;
+    for (var k = 3u; k > 0u; k -= 1u) {
+        let corner = triangles[first + k - 1u];
+        if f32(vertices[corner].level & 0xffu) == out.level {
+            out.colour = colour_of(corner);
+        }
+    }
     return out;
 }
 
@@ -133,8 +167,8 @@ fn level_colour(level: f32) -> vec3<f32> {
     return mix(colour, c5, clamp(t - 4.0, 0.0, 1.0));
 }
 
-@fragment
-fn fs_smooth(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+// The vertices' normal as it is to be lit.
+fn shading_normal(in: Surface, front: bool) -> vec3<f32> {
     var n = normalize(in.normal) * select(1.0, -1.0, frame.inside_out > 0.5);
     // A face seen from inside is lit as seen, whether its normals follow its winding or not.
     if !seen_from_outside(front) && dot(n, towards_eye(in.position)) < 0.0 {
@@ -142,26 +176,41 @@ fn fs_smooth(in: Surface, @builtin(front_facing) front: bool) -> @location(0) ve
     }
     // A vertex on a sharp edge has one normal for both sides of it; far from the face's own it is not believed.
     let flat = face_normal(in.position);
-    n = normalize(mix(flat, n, smoothstep(0.64, 0.91, dot(n, flat))));
-    return to_target(lit(base_colour(CLAY, front), n, in.position), 1.0);
+    return normalize(mix(flat, n, smoothstep(0.64, 0.91, dot(n, flat))));
+}
+
+@fragment
+fn fs_smooth(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    return finish(lit(base_colour(CLAY, front), shading_normal(in, front), in.position), in.position);
+}
+
+@fragment
+fn fs_coloured(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    return finish(lit(base_colour(in.colour, front), shading_normal(in, front), in.position), in.position);
+}
+
+@fragment
+fn fs_patch(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    let face = lit(base_colour(in.colour, front), face_normal(in.position), in.position);
+    return finish(mix(face, face * 0.25, edge_cover(in.barycentric, 0.35) * 0.45), in.position);
 }
 
 @fragment
 fn fs_flat(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    return to_target(lit(base_colour(CLAY, front), face_normal(in.position), in.position), 1.0);
+    return finish(lit(base_colour(CLAY, front), face_normal(in.position), in.position), in.position);
 }
 
 @fragment
 fn fs_wireframe(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
     let face = lit(base_colour(PAPER, front), face_normal(in.position), in.position);
-    return to_target(mix(face, INK, edge_cover(in.barycentric, 0.65) * 0.94), 1.0);
+    return finish(mix(face, INK, edge_cover(in.barycentric, 0.65) * 0.94), in.position);
 }
 
 @fragment
 fn fs_level(in: Surface, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
     let outside = level_colour(in.level);
     let face = lit(base_colour(outside, front), face_normal(in.position), in.position);
-    return to_target(mix(face, face * 0.25, edge_cover(in.barycentric, 0.35) * 0.55), 1.0);
+    return finish(mix(face, face * 0.25, edge_cover(in.barycentric, 0.35) * 0.55), in.position);
 }
 
 @fragment
@@ -170,5 +219,5 @@ fn fs_normals(in: Surface, @builtin(front_facing) front: bool) -> @location(0) v
     let seen = normalize(in.normal);
     let n = normalize((vec4<f32>(seen, 0.0) * frame.view).xyz);
     let colour = to_linear(n * 0.5 + 0.5);
-    return to_target(select(mix(colour * 0.15, INSIDE, 0.85), colour, seen_from_outside(front)), 1.0);
+    return finish(select(mix(colour * 0.15, INSIDE, 0.85), colour, seen_from_outside(front)), in.position);
 }

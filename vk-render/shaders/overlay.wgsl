@@ -9,7 +9,7 @@ struct Cell {
     solid: u32,
 }
 
-@group(0) @binding(2) var<storage, read> cells: array<Cell>;
+@group(1) @binding(0) var<storage, read> cells: array<Cell>;
 
 struct Glyph {
     @builtin(position) clip: vec4<f32>,
@@ -45,5 +45,5 @@ fn fs_overlay(in: Glyph) -> @location(0) vec4<f32> {
     if in.solid == 0u && ((word >> bit) & 1u) == 0u {
         discard;
     }
-    return to_target(to_linear(in.rgba.rgb), in.rgba.a);
+    return vec4<f32>(srgb_to_target(in.rgba.rgb), in.rgba.a);
 }

@@ -77,6 +77,17 @@ impl Context {
         self.device.software
     }
 
+    /// The same device with so many samples per pixel at most, for the targets that are made from here on: 1, 2, 4 or 8.
+    #[must_use]
+    pub fn with_max_samples(&self, max_samples: u32) -> Self {
+        Self { max_samples, ..self.clone() }
+    }
+
+    /// The longest side that a [`Texture`](crate::Texture) may have, in pixels.
+    pub fn max_texture_side(&self) -> u32 {
+        self.device.limits.max_image_dimension2_d
+    }
+
     /// Whether the validation layer was asked for and is there.
     pub fn validates(&self) -> bool {
         self.device.instance.validates()

@@ -78,6 +78,14 @@ pub enum Error {
         /// The array's length.
         len: usize,
     },
+    /// Colours are given for some vertices and not for others.
+    #[error("{colours} colours for {vertices} vertices; give one for each, or none")]
+    ColourCount {
+        /// Colours given.
+        colours: usize,
+        /// Vertices given.
+        vertices: usize,
+    },
     /// A picture of this size cannot be drawn.
     #[error(
         "a picture of {width} x {height} pixels cannot be drawn; both sides must be 1 to {limit}"

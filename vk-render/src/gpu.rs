@@ -24,6 +24,6 @@ pub(crate) use commands::{BufferCopy, CommandBuffer};
 pub(crate) use device::{Device, Keep, Serial, Work};
 pub(crate) use image::{Framebuffer, GpuImage};
 pub(crate) use instance::{Instance, Wish};
-pub(crate) use pipeline::{Pass, Pipelines, Usage};
-pub(crate) use sets::{FrameSet, Layouts, MeshSet};
+pub(crate) use pipeline::{Cut, Pass, Pipelines, Usage};
+pub(crate) use sets::{ArraySet, FrameSet, Layouts, MeshSet, TextureSet};
 pub(crate) use surface::{Acquired, Surface, Swapchain};

@@ -1,7 +1,7 @@
 //! Draws a mesh that changes a little every frame, through Vulkan.
 //!
 //! A [`MeshBuffers`] is the device's copy of a mesh; [`MeshBuffers::update`] sends it what has changed and nothing else.
-//! A [`Scene`] is that mesh, a [`Camera`] and a [`Shading`], with lines and text if wanted; an [`Offscreen`] target turns
+//! A [`Scene`] is that mesh, a [`Camera`] and a [`Shading`], with lines, text and a user interface's panels ([`Ui`]) if wanted; an [`Offscreen`] target turns
 //! it into an [`Image`], a [`WindowTarget`] shows it. The same code draws on a graphics card and on a software driver.
 //!
 //! ```
@@ -46,6 +46,8 @@ mod overlay;
 mod painter;
 mod ranges;
 mod scene;
+mod texture;
+mod ui;
 mod upload;
 mod vertex;
 mod window;
@@ -55,6 +57,8 @@ pub use context::{Context, ContextOptions, DeviceChoice};
 pub use error::{Error, Result};
 pub use mesh::{MeshBuffers, MeshUpdate, Uploaded};
 pub use offscreen::Offscreen;
-pub use scene::{Background, Image, Line, Scene, Shading, Text};
+pub use scene::{Background, Image, Line, Scene, Section, Shading, Text};
+pub use texture::Texture;
+pub use ui::{Ui, UiPiece, UiVertex};
 pub use vertex::Vertex;
 pub use window::{Pacing, Presented, WindowTarget};

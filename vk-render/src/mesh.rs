@@ -11,6 +11,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 const VERTEX_BYTES: u64 = size_of::<Vertex>() as u64;
+const COLOUR_BYTES: u64 = size_of::<[u8; 4]>() as u64;
 const TRIANGLE_BYTES: u64 = size_of::<[u32; 3]>() as u64;
 /// Changed ranges this close, in bytes, travel as one.
 const GAP_BYTES: u64 = 256;
@@ -30,6 +31,11 @@ pub struct MeshUpdate<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Changed triangles, in any order; they may overlap.
     pub triangle_ranges: &'a [Range<u32>],
+    /// Of each vertex red, green, blue in sRGB and an opacity that is not looked at; none at all where the mesh has no
+    /// colours.
+    pub colours: &'a [[u8; 4]],
+    /// Changed colours, in any order; they may overlap.
+    pub colour_ranges: &'a [Range<u32>],
 }
 
 /// What an update cost.
@@ -48,6 +54,7 @@ pub struct MeshBuffers {
     uploader: Uploader,
     vertices: Growing,
     triangles: Growing,
+    colours: Growing,
     set: Arc<MeshSet>,
     layouts: Arc<Layouts>,
     context: Context,
@@ -96,15 +103,19 @@ impl MeshBuffers {
             ("triangles", TRIANGLE_BYTES, both | vk::BufferUsageFlags::INDEX_BUFFER, storage),
             triangles.max(LEAST),
         )?;
+        // Most meshes have none.
+        let colours = Growing::new(context, ("colours", COLOUR_BYTES, both, storage), 1)?;
         let set = MeshSet::new(
             &context.layouts,
             Arc::clone(&vertices.buffer),
             Arc::clone(&triangles.buffer),
+            Arc::clone(&colours.buffer),
         )?;
         Ok(Self {
             uploader: Uploader::new(&context.device)?,
             vertices,
             triangles,
+            colours,
             set: Arc::new(set),
             layouts: Arc::clone(&context.layouts),
             context: context.clone(),
@@ -116,13 +127,17 @@ impl MeshBuffers {
     /// nothing is waited for, unless more than 8 MiB are on their way already.
     ///
     /// # Errors
-    /// [`RangePastEnd`](Error::RangePastEnd) and [`MeshTooLarge`](Error::MeshTooLarge) change nothing. After any other
-    /// error the next update that succeeds sends everything.
+    /// [`RangePastEnd`](Error::RangePastEnd), [`ColourCount`](Error::ColourCount) and
+    /// [`MeshTooLarge`](Error::MeshTooLarge) change nothing. After any other error the next update that succeeds sends everything.
     ///
     /// # Complexity
     /// Time in the bytes changed (plus a sort of the ranges); growth copies the old content on the device, and doubles
     /// at most, so that it is rare.
     pub fn update(&mut self, changes: &MeshUpdate<'_>) -> Result<Uploaded> {
+        let (num_colours, num_vertices) = (changes.colours.len(), changes.vertices.len());
+        if num_colours != 0 && num_colours != num_vertices {
+            return Err(Error::ColourCount { colours: num_colours, vertices: num_vertices });
+        }
         let vertices =
             self.vertices.changed(changes.vertex_ranges, changes.vertices.len(), self.intact)?;
         let triangles = self.triangles.changed(
@@ -130,8 +145,9 @@ impl MeshBuffers {
             changes.triangles.len(),
             self.intact,
         )?;
+        let colours = self.colours.changed(changes.colour_ranges, num_colours, self.intact)?;
         self.intact = false;
-        let result = self.send(changes, &vertices, &triangles);
+        let result = self.send(changes, [&vertices, &triangles, &colours]);
         match result {
             Ok(_) => self.intact = true,
             Err(_) => self.uploader.discard(),
@@ -142,22 +158,24 @@ impl MeshBuffers {
     fn send(
         &mut self,
         changes: &MeshUpdate<'_>,
-        vertices: &[Range<u32>],
-        triangles: &[Range<u32>],
+        [vertices, triangles, colours]: [&[Range<u32>]; 3],
     ) -> Result<Uploaded> {
         let grew = [
             self.vertices.fit(&self.context, &mut self.uploader, changes.vertices.len())?,
             self.triangles.fit(&self.context, &mut self.uploader, changes.triangles.len())?,
+            self.colours.fit(&self.context, &mut self.uploader, changes.colours.len())?,
         ]
         .contains(&true);
         // Not only where something grew just now: an error may have come between that and this.
         let bound = Arc::ptr_eq(&self.set.vertices, &self.vertices.buffer)
-            && Arc::ptr_eq(&self.set.triangles, &self.triangles.buffer);
+            && Arc::ptr_eq(&self.set.triangles, &self.triangles.buffer)
+            && Arc::ptr_eq(&self.set.colours, &self.colours.buffer);
         if !bound {
             self.set = Arc::new(MeshSet::new(
                 &self.layouts,
                 Arc::clone(&self.vertices.buffer),
                 Arc::clone(&self.triangles.buffer),
+                Arc::clone(&self.colours.buffer),
             )?);
         }
         let mut sent = Uploaded { grew, ..Uploaded::default() };
@@ -174,10 +192,12 @@ impl MeshBuffers {
             triangles,
             &mut sent,
         )?;
+        self.colours.send(uploader, changes.colours.as_flattened(), colours, &mut sent)?;
         self.uploader.submit()?;
         // `changed` has seen that both fit.
         self.vertices.len = changes.vertices.len() as u32;
         self.triangles.len = changes.triangles.len() as u32;
+        self.colours.len = changes.colours.len() as u32;
         Ok(sent)
     }
 
@@ -191,12 +211,17 @@ impl MeshBuffers {
         self.triangles.len
     }
 
+    /// Whether the last update gave colours.
+    pub fn has_colours(&self) -> bool {
+        self.colours.len > 0
+    }
+
     /// Device memory that the mesh takes, room to grow included.
     ///
     /// # Units
     /// Bytes.
     pub fn capacity_bytes(&self) -> u64 {
-        self.vertices.buffer.size() + self.triangles.buffer.size()
+        self.vertices.buffer.size() + self.triangles.buffer.size() + self.colours.buffer.size()
     }
 
     pub(crate) fn set(&self) -> &Arc<MeshSet> {

@@ -3,14 +3,16 @@
 use crate::context::Context;
 use crate::error::Result;
 use crate::gpu::{
-    Buffer, CommandBuffer, Device, FrameSet, Framebuffer, GpuImage, Keep, Layouts, Memory, Pass,
-    Pipelines, Serial, Usage, Work,
+    ArraySet, Buffer, CommandBuffer, Cut, Device, FrameSet, Framebuffer, GpuImage, Keep, Memory,
+    Pass, Pipelines, Serial, Usage, Work,
 };
 use crate::overlay::cells;
 use crate::scene::{Line, Scene, Shading};
+use crate::ui::{Ui, UiPiece};
 use ash::vk;
 use bytemuck::{Pod, Zeroable};
-use glam::{Mat4, Vec3, Vec4};
+use glam::{Mat4, Vec4};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Pictures being drawn at one time: one by the device, one by us.
@@ -31,9 +33,10 @@ struct Constants {
     perspective: f32,
     inside_out: f32,
     padding: f32,
+    section: Vec4,
 }
 
-const _: () = assert!(size_of::<Constants>() == 192);
+const _: () = assert!(size_of::<Constants>() == 208);
 
 /// As `Line` in `lines.wgsl`.
 #[repr(C)]
@@ -58,10 +61,19 @@ struct Slot {
     commands: CommandBuffer,
     set: FrameSet,
     constants: Buffer,
-    lines: Buffer,
-    cells: Buffer,
+    lines: Arrays<1>,
+    cells: Arrays<1>,
+    ui: Arrays<2>,
     /// The last submission that used all this.
     serial: Serial,
+}
+
+/// Arrays that are written anew for every picture, with their binding.
+struct Arrays<const N: usize> {
+    // Before the buffers, which must outlive it.
+    set: ArraySet,
+    buffers: [Buffer; N],
+    what: &'static str,
 }
 
 pub(crate) struct Painter {
@@ -134,7 +146,7 @@ impl Painter {
     /// Draws a scene and submits it.
     ///
     /// # Panics
-    /// Panics where the mesh is of another context.
+    /// Panics where the mesh or a texture is of another context.
     pub(crate) fn paint(
         &mut self,
         scene: &Scene<'_>,
@@ -143,49 +155,61 @@ impl Painter {
     ) -> Result<Serial> {
         assert!(scene.mesh.is_of(&self.context), "the mesh belongs to another context");
         self.wait_for_slot()?;
-        let shading = match scene.shading {
-            Shading::Smooth => Usage::Smooth,
-            Shading::Flat => Usage::Flat,
-            Shading::Wireframe => Usage::Wireframe,
-            Shading::LevelOfDetail => Usage::Level,
-            Shading::Normals => Usage::Normals,
-        };
+        let shading = usage(scene);
+        let cut = if scene.section.is_some() { Cut::Section } else { Cut::Whole };
         let num_triangles = scene.mesh.num_triangles();
         let cells = cells(scene.text);
         let lines: Vec<GpuLine> = scene.lines.iter().map(GpuLine::from).collect();
-        let used = [
-            (Usage::Background, true),
-            (shading, num_triangles > 0),
-            (Usage::Lines, !lines.is_empty()),
-            (Usage::Overlay, !cells.is_empty()),
-        ];
-        for (usage, _) in used.into_iter().filter(|(_, used)| *used) {
-            self.pipelines.prepare(usage)?;
-        }
         let size = framebuffer.size();
+        let pieces = pieces(&scene.ui, size);
+        let used = [
+            (Usage::Background, Cut::Whole, true),
+            (shading, cut, num_triangles > 0),
+            (Usage::Lines, Cut::Whole, !lines.is_empty()),
+            (Usage::Overlay, Cut::Whole, !cells.is_empty()),
+            (Usage::Ui, Cut::Whole, !pieces.is_empty()),
+        ];
+        for (usage, cut, _) in used.into_iter().filter(|(_, _, used)| *used) {
+            self.pipelines.prepare(usage, cut)?;
+        }
         let constants = constants(scene, size, self.encode);
         let slot = &mut self.slots[self.next];
-        slot.fill(&self.context, &constants, &lines, bytemuck::cast_slice(&cells))?;
+        slot.constants.write(0, bytemuck::bytes_of(&constants));
+        slot.lines.fill(&self.context, [bytemuck::cast_slice(&lines)])?;
+        slot.cells.fill(&self.context, [bytemuck::cast_slice(&cells)])?;
+        let (corners, indices) = (scene.ui.vertices, scene.ui.indices);
+        let arrays = [bytemuck::cast_slice(corners), bytemuck::cast_slice(indices)];
+        slot.ui.fill(&self.context, arrays)?;
 
         slot.commands.begin()?;
         let mut drawing =
             slot.commands.draw(&self.pass, framebuffer, &self.context.layouts, &slot.set);
-        drawing.vertices(&self.pipelines, Usage::Background, 3);
+        drawing.background(&self.pipelines);
         if num_triangles > 0 {
-            drawing.mesh(&self.pipelines, shading, scene.mesh.set(), num_triangles);
+            drawing.mesh(&self.pipelines, (shading, cut), scene.mesh.set(), num_triangles);
         }
-        if !lines.is_empty() {
-            drawing.vertices(&self.pipelines, Usage::Lines, 6 * lines.len() as u32);
+        for (usage, array, count) in [
+            (Usage::Lines, &slot.lines.set, lines.len()),
+            (Usage::Overlay, &slot.cells.set, cells.len()),
+        ] {
+            if count > 0 {
+                drawing.array(&self.pipelines, usage, array, 6 * count as u32);
+            }
         }
-        if !cells.is_empty() {
-            drawing.vertices(&self.pipelines, Usage::Overlay, 6 * cells.len() as u32);
+        let mut keep = vec![Arc::clone(scene.mesh.set()) as Keep, Arc::clone(framebuffer) as Keep];
+        if !pieces.is_empty() {
+            drawing.ui(&self.pipelines, &slot.ui.set);
+        }
+        for (clip, piece, indices) in pieces {
+            assert!(piece.texture.is_of(&self.context), "a texture belongs to another context");
+            drawing.ui_piece(clip, piece.texture.set(), indices);
+            keep.push(Arc::clone(piece.texture.set()) as Keep);
         }
         drop(drawing);
         if let Some((image, buffer)) = ties.read_back {
             slot.commands.read_back(image, size, buffer);
         }
         slot.commands.end()?;
-        let keep = vec![Arc::clone(scene.mesh.set()) as Keep, Arc::clone(framebuffer) as Keep];
         let commands = slot.commands.raw();
         slot.serial = self.context.device.submit(Work {
             commands,
@@ -196,6 +220,39 @@ impl Painter {
         self.next = (self.next + 1) % FRAMES_IN_FLIGHT;
         Ok(slot.serial)
     }
+}
+
+/// What draws the mesh.
+fn usage(scene: &Scene<'_>) -> Usage {
+    match scene.shading {
+        Shading::Flat => Usage::Flat,
+        Shading::Wireframe => Usage::Wireframe,
+        Shading::LevelOfDetail => Usage::Level,
+        Shading::Normals => Usage::Normals,
+        Shading::Coloured if scene.mesh.has_colours() => Usage::Coloured,
+        Shading::Patches if scene.mesh.has_colours() => Usage::Patches,
+        Shading::Smooth | Shading::Coloured | Shading::Patches => Usage::Smooth,
+    }
+}
+
+/// What there is to draw of a user interface, each piece with its rectangle in the picture and its indices.
+fn pieces<'a>(ui: &Ui<'a>, size: vk::Extent2D) -> Vec<(vk::Rect2D, &'a UiPiece<'a>, Range<u32>)> {
+    let most = ui.indices.len() as u32;
+    let mut pieces = Vec::new();
+    for piece in ui.pieces {
+        let [left, top, right, bottom] = piece.clip_px.map(|edge| edge.round().max(0.0) as u32);
+        let (right, bottom) = (right.min(size.width), bottom.min(size.height));
+        let indices = piece.indices.start..piece.indices.end.min(most);
+        if left >= right || top >= bottom || indices.is_empty() {
+            continue;
+        }
+        let clip = vk::Rect2D {
+            offset: vk::Offset2D { x: left as i32, y: top as i32 },
+            extent: vk::Extent2D { width: right - left, height: bottom - top },
+        };
+        pieces.push((clip, piece, indices));
+    }
+    pieces
 }
 
 impl Drop for Painter {
@@ -212,38 +269,46 @@ impl Slot {
         let usage = vk::BufferUsageFlags::UNIFORM_BUFFER;
         let size = size_of::<Constants>() as u64;
         let constants = Buffer::new(device, "constants", size, usage, Memory::Upload)?;
-        let lines = storage(device, "lines", 1024)?;
-        let cells = storage(device, "text", 1024)?;
-        let set = FrameSet::new(&context.layouts, &constants, &lines, &cells)?;
-        let commands = CommandBuffer::new(device)?;
-        Ok(Self { commands, set, constants, lines, cells, serial: Serial::default() })
+        Ok(Self {
+            commands: CommandBuffer::new(device)?,
+            set: FrameSet::new(&context.layouts, &constants)?,
+            constants,
+            lines: Arrays::new(context, "lines")?,
+            cells: Arrays::new(context, "text")?,
+            ui: Arrays::new(context, "panels")?,
+            serial: Serial::default(),
+        })
+    }
+}
+
+impl<const N: usize> Arrays<N> {
+    fn new(context: &Context, what: &'static str) -> Result<Self> {
+        Self::with_sizes(context, what, [1024; N])
     }
 
-    /// Writes what the shaders will read; the slot's last picture is finished.
-    fn fill(
-        &mut self,
-        context: &Context,
-        constants: &Constants,
-        lines: &[GpuLine],
-        cells: &[u8],
-    ) -> Result<()> {
-        let lines: &[u8] = bytemuck::cast_slice(lines);
-        let layouts: &Arc<Layouts> = &context.layouts;
-        let short = |buffer: &Buffer, bytes: &[u8]| bytes.len() as u64 > buffer.size();
-        if short(&self.lines, lines) || short(&self.cells, cells) {
-            let larger = |what, buffer: &Buffer, bytes: &[u8]| {
-                let size = buffer.size().max((bytes.len() as u64).next_power_of_two());
-                storage(&context.device, what, size)
-            };
-            let new_lines = larger("lines", &self.lines, lines)?;
-            let new_cells = larger("text", &self.cells, cells)?;
-            self.set = FrameSet::new(layouts, &self.constants, &new_lines, &new_cells)?;
-            self.lines = new_lines;
-            self.cells = new_cells;
+    fn with_sizes(context: &Context, what: &'static str, sizes: [u64; N]) -> Result<Self> {
+        let mut made = Vec::with_capacity(N);
+        for size in sizes {
+            made.push(storage(&context.device, what, size)?);
         }
-        self.constants.write(0, bytemuck::bytes_of(constants));
-        self.lines.write(0, lines);
-        self.cells.write(0, cells);
+        let set = ArraySet::new(&context.layouts, &made.iter().collect::<Vec<_>>())?;
+        let Ok(buffers) = made.try_into() else { unreachable!("one buffer was made per size") };
+        Ok(Self { set, buffers, what })
+    }
+
+    /// Writes what the shaders will read; the last picture that read it is finished.
+    fn fill(&mut self, context: &Context, arrays: [&[u8]; N]) -> Result<()> {
+        let sizes = arrays.map(|bytes| bytes.len() as u64);
+        if self.buffers.iter().zip(sizes).any(|(buffer, size)| size > buffer.size()) {
+            let mut larger = sizes.map(u64::next_power_of_two);
+            for (size, buffer) in larger.iter_mut().zip(&self.buffers) {
+                *size = buffer.size().max(*size);
+            }
+            *self = Self::with_sizes(context, self.what, larger)?;
+        }
+        for (buffer, bytes) in self.buffers.iter_mut().zip(arrays) {
+            buffer.write(0, bytes);
+        }
         Ok(())
     }
 }
@@ -256,8 +321,8 @@ fn constants(scene: &Scene<'_>, size: vk::Extent2D, encode: bool) -> Constants {
     Constants {
         view: scene.camera.view,
         projection: scene.camera.projection,
-        background_top: linear(scene.background.top).extend(1.0),
-        background_bottom: linear(scene.background.bottom).extend(1.0),
+        background_top: srgb(scene.background.top),
+        background_bottom: srgb(scene.background.bottom),
         viewport_px: [size.width as f32, size.height as f32],
         line_width_px: scene.line_width_px.clamp(0.5, 64.0),
         max_level: scene.max_level.into(),
@@ -266,24 +331,15 @@ fn constants(scene: &Scene<'_>, size: vk::Extent2D, encode: bool) -> Constants {
         perspective: if scene.camera.projection.w_axis.w == 0.0 { 1.0 } else { 0.0 },
         inside_out: if scene.inside_out { 1.0 } else { 0.0 },
         padding: 0.0,
+        section: scene.section.map_or(Vec4::ZERO, |section| {
+            // A plane goes over to view space as the inverse transpose does; the view only turns and shifts.
+            let normal = scene.camera.view.transform_vector3(section.normal);
+            let shift = scene.camera.view.w_axis.truncate();
+            normal.extend(-section.offset - normal.dot(shift))
+        }),
     }
 }
 
-fn linear(srgb: [u8; 3]) -> Vec3 {
-    Vec3::from_array(srgb.map(|byte| {
-        let x = f32::from(byte) / 255.0;
-        if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
-    }))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_ends_of_srgb_stay_where_they_are() {
-        assert_eq!(linear([0; 3]), Vec3::ZERO);
-        assert!((linear([255; 3]) - Vec3::ONE).length() < 1e-6);
-        assert!((linear([188; 3]).x - 0.5029).abs() < 1e-3);
-    }
+fn srgb([r, g, b]: [u8; 3]) -> Vec4 {
+    Vec4::new(r.into(), g.into(), b.into(), 255.0) / 255.0
 }

@@ -1,6 +1,6 @@
 //! What one picture is made of.
 
-use crate::{Camera, MeshBuffers};
+use crate::{Camera, MeshBuffers, Ui};
 use glam::Vec3;
 
 /// How the mesh's faces are coloured. All of them are drawn from both sides, the inside in red, so that a flipped face
@@ -18,12 +18,25 @@ pub enum Shading {
     LevelOfDetail,
     /// The vertices' normals as colours: x, y, z as red, green, blue.
     Normals,
+    /// The vertices' own colours ([`MeshUpdate::colours`](crate::MeshUpdate::colours)), lit as [`Shading::Smooth`]; that
+    /// where the mesh has none.
+    Coloured,
+    /// Each face in the colour of its finest vertex, with faint edges: for colours that tell where a face comes from.
+    /// [`Shading::Smooth`] where the mesh has none.
+    Patches,
 }
 
 impl Shading {
     /// All of them, in an order to step through.
-    pub const ALL: [Self; 5] =
-        [Self::Smooth, Self::Flat, Self::Wireframe, Self::LevelOfDetail, Self::Normals];
+    pub const ALL: [Self; 7] = [
+        Self::Smooth,
+        Self::Flat,
+        Self::Wireframe,
+        Self::LevelOfDetail,
+        Self::Normals,
+        Self::Coloured,
+        Self::Patches,
+    ];
 }
 
 /// A vertical gradient behind everything, in sRGB.
@@ -40,6 +53,16 @@ impl Default for Background {
     fn default() -> Self {
         Self { top: [88, 97, 109], bottom: [29, 32, 38] }
     }
+}
+
+/// A plane that the mesh ends at: what lies beyond it, where `normal · p > offset`, is not drawn, and the view is free on
+/// what is behind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Section {
+    /// Towards what is cut away, in world space; its length does not matter.
+    pub normal: Vec3,
+    /// How far the plane lies from the origin along `normal`, in model units times the length of `normal`.
+    pub offset: f32,
 }
 
 /// A straight line in space, hidden by what lies before it.
@@ -104,6 +127,10 @@ pub struct Scene<'a> {
     /// Whether triangles are clockwise seen from outside and normals point inwards, as some programs write them; false
     /// unless told.
     pub inside_out: bool,
+    /// Where the mesh ends; nowhere unless told.
+    pub section: Option<Section>,
+    /// A user interface before everything; none unless told.
+    pub ui: Ui<'a>,
 }
 
 impl<'a> Scene<'a> {
@@ -119,6 +146,8 @@ impl<'a> Scene<'a> {
             text: &[],
             max_level: 24,
             inside_out: false,
+            section: None,
+            ui: Ui::default(),
         }
     }
 }

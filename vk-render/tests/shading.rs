@@ -2,9 +2,9 @@
 
 mod common;
 
-use common::{assert_valid, ball, camera, context, mesh_of};
+use common::{assert_valid, ball, camera, coloured_mesh_of, context, mesh_of};
 use glam::Vec3;
-use vk_render::{Background, Camera, Image, Line, Offscreen, Scene, Shading, Text};
+use vk_render::{Background, Camera, Image, Line, Offscreen, Scene, Section, Shading, Text};
 
 const SIZE: u32 = 128;
 
@@ -46,7 +46,7 @@ fn the_background_is_a_gradient_between_its_colours() {
 fn every_shading_lights_the_ball_and_leaves_the_corners_alone() {
     let context = context();
     let (vertices, triangles) = ball(24);
-    let mesh = mesh_of(&context, &vertices, &triangles);
+    let mesh = coloured_mesh_of(&context, &vertices, &triangles);
     let empty = mesh_of(&context, &[], &[]);
     let mut target = Offscreen::new(&context, SIZE, SIZE).expect("a target");
     let background = target.draw(&Scene::new(&empty, camera(SIZE, SIZE))).expect("a picture");
@@ -233,5 +233,65 @@ fn a_parallel_projection_keeps_sizes() {
     let row: Vec<_> = (0..SIZE).map(|x| pixel(&image, x, 64)).collect();
     let wide = row.iter().filter(|p| !near(**p, [row[0][0], row[0][1], row[0][2]], 3)).count();
     assert!((63..=66).contains(&wide), "half the picture's width, not {wide}");
+    assert_valid(&context);
+}
+
+#[test]
+fn vertices_have_colours_of_their_own() {
+    let context = context();
+    let (vertices, triangles) = ball(24);
+    let mesh = coloured_mesh_of(&context, &vertices, &triangles);
+    let plain = mesh_of(&context, &vertices, &triangles);
+    assert!(mesh.has_colours() && !plain.has_colours());
+    let mut target = Offscreen::new(&context, SIZE, SIZE).expect("a target");
+    for shading in [Shading::Coloured, Shading::Patches] {
+        let mut scene = Scene::new(&mesh, camera(SIZE, SIZE));
+        scene.shading = shading;
+        let image = target.draw(&scene).expect("a picture");
+        let (above, below) = (pixel(&image, 64, 40), pixel(&image, 64, 84));
+        assert!(above[2] > above[0] + 30 && above[2] > above[1] + 30, "{shading:?}: {above:?}");
+        assert!(below[1] > below[0] + 30 && below[1] > below[2] + 30, "{shading:?}: {below:?}");
+        // Where there are none it is clay.
+        let mut scene = Scene::new(&plain, camera(SIZE, SIZE));
+        scene.shading = shading;
+        let clay = target.draw(&scene).expect("a picture");
+        assert!(clay == target.draw(&Scene::new(&plain, camera(SIZE, SIZE))).expect("a picture"));
+    }
+    assert_valid(&context);
+}
+
+#[test]
+fn a_section_opens_the_ball_and_shows_its_inside() {
+    let context = context();
+    let (vertices, triangles) = ball(24);
+    let mesh = coloured_mesh_of(&context, &vertices, &triangles);
+    let empty = mesh_of(&context, &[], &[]);
+    let mut target = Offscreen::new(&context, SIZE, SIZE).expect("a target");
+    let background = target.draw(&Scene::new(&empty, camera(SIZE, SIZE))).expect("a picture");
+    for shading in Shading::ALL {
+        let mut draw = |normal: Vec3, offset: f32| {
+            let mut scene = Scene::new(&mesh, camera(SIZE, SIZE));
+            scene.shading = shading;
+            scene.section = Some(Section { normal, offset });
+            target.draw(&scene).expect("a picture")
+        };
+        // The half towards the eye: what is left is seen from inside.
+        let open = draw(Vec3::Z, 0.0);
+        // Edges of triangles are dark.
+        let middle = (0..400).map(|i| pixel(&open, 54 + i % 20, 54 + i / 20));
+        let reds = middle.filter(|p| p[0] > p[1] + 20 && p[0] > p[2] + 15).count();
+        assert!(reds > 200, "{shading:?}: {reds} of 400");
+        // The right half, with a normal of another length: it is gone.
+        let left = draw(Vec3::X * 5.0, 0.0);
+        assert_eq!(pixel(&left, 90, 64), pixel(&background, 90, 64), "{shading:?}");
+        assert!(!is_red(pixel(&left, 40, 64)), "{shading:?}");
+        // A plane that meets nothing.
+        let mut scene = Scene::new(&mesh, camera(SIZE, SIZE));
+        scene.shading = shading;
+        let whole = target.draw(&scene).expect("a picture");
+        let mut scene = Scene::new(&mesh, camera(SIZE, SIZE));
+        (scene.shading, scene.section) = (shading, Some(Section { normal: Vec3::Y, offset: 9.0 }));
+        assert!(whole == target.draw(&scene).expect("a picture"), "{shading:?}");
+    }
     assert_valid(&context);
 }

@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{Chance, assert_valid, ball, camera, context, mesh_of, whole};
+use common::{Chance, assert_valid, ball, camera, colours, context, mesh_of, whole};
 use glam::Vec3;
 use std::ops::Range;
 use vk_render::{Error, Image, MeshBuffers, MeshUpdate, Offscreen, Scene, Shading, Vertex};
@@ -61,6 +61,7 @@ fn pieces_look_like_the_whole() {
             vertex_ranges: &moved,
             triangles: &triangles,
             triangle_ranges: &switched,
+            ..MeshUpdate::default()
         };
         let sent = mesh.update(&update).expect("an update");
         assert!(sent.bytes < 12_000 && !sent.grew, "{sent:?}");
@@ -194,6 +195,7 @@ fn a_thousand_frames_of_changes_are_valid_and_true() {
             vertex_ranges: &moved,
             triangles: &triangles,
             triangle_ranges: &switched,
+            ..MeshUpdate::default()
         };
         mesh.update(&update).expect("an update");
         let mut scene = Scene::new(&mesh, camera(64, 48));
@@ -205,5 +207,28 @@ fn a_thousand_frames_of_changes_are_valid_and_true() {
     let same =
         draw(&mut target, &mesh, Shading::Smooth) == draw(&mut target, &fresh, Shading::Smooth);
     assert!(same);
+    assert_valid(&context);
+}
+
+#[test]
+fn colours_travel_by_their_changes_and_for_all_vertices_or_none() {
+    let context = context();
+    let (vertices, triangles) = ball(16);
+    let mut mesh = mesh_of(&context, &vertices, &triangles);
+    let mut colours = colours(&vertices);
+    let all = whole(&vertices, &triangles);
+    let sent = mesh.update(&MeshUpdate { colours: &colours, ..all }).expect("all colours");
+    assert_eq!(sent.bytes as usize, 4 * colours.len());
+    colours[7] = [1, 2, 3, 255];
+    let ranges = [7..8];
+    let update = MeshUpdate { colours: &colours, colour_ranges: &ranges, ..all };
+    assert_eq!(mesh.update(&update).expect("one colour").bytes, 4);
+    match mesh.update(&MeshUpdate { colours: &colours[1..], ..all }) {
+        Err(Error::ColourCount { colours: given, vertices: all }) => assert_eq!(given + 1, all),
+        other => panic!("{other:?}"),
+    }
+    assert!(mesh.has_colours());
+    mesh.update(&all).expect("no colours any more");
+    assert!(!mesh.has_colours());
     assert_valid(&context);
 }

@@ -4,10 +4,11 @@
 use super::buffer::Buffer;
 use super::device::Device;
 use super::image::{Framebuffer, GpuImage};
-use super::pipeline::{Pass, Pipelines, Usage};
-use super::sets::{FrameSet, Layouts, MeshSet};
+use super::pipeline::{Cut, Pass, Pipelines, Usage};
+use super::sets::{ArraySet, FrameSet, Kind, Layouts, MeshSet, TextureSet};
 use crate::error::{Check, Result};
 use ash::vk;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Bytes to copy, from one offset to another.
@@ -147,6 +148,70 @@ impl CommandBuffer {
         );
     }
 
+    /// Copies rows of bytes into a part of a texture: `place` is its upper left corner, then width and height. Where the
+    /// texture was read before, the copy waits for that; what is drawn later sees it.
+    pub(crate) fn write_image(
+        &mut self,
+        from: &Buffer,
+        to: &GpuImage,
+        place: [u32; 4],
+        was_read: bool,
+    ) {
+        let [x, y, width, height] = place;
+        assert!(u64::from(width) * u64::from(height) * 4 <= from.size(), "past the buffer");
+        let writable = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+        let readable = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
+        let before = if was_read { readable } else { vk::ImageLayout::UNDEFINED };
+        let reads = (vk::PipelineStageFlags::FRAGMENT_SHADER, vk::AccessFlags::SHADER_READ);
+        let write = (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE);
+        self.image_barrier(to, (before, writable), (reads.0, vk::AccessFlags::empty()), write);
+        let region = [vk::BufferImageCopy {
+            image_subresource: vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                mip_level: 0,
+                base_array_layer: 0,
+                layer_count: 1,
+            },
+            image_offset: vk::Offset3D { x: x as i32, y: y as i32, z: 0 },
+            image_extent: vk::Extent3D { width, height, depth: 1 },
+            ..Default::default()
+        }];
+        // SAFETY: being recorded, outside a render pass; the part lies within the image, and the buffer holds it.
+        unsafe {
+            self.device.raw.cmd_copy_buffer_to_image(self.raw, from.raw, to.raw, writable, &region);
+        }
+        self.image_barrier(to, (writable, readable), write, reads);
+    }
+
+    fn image_barrier(
+        &mut self,
+        image: &GpuImage,
+        (old, new): (vk::ImageLayout, vk::ImageLayout),
+        from: (vk::PipelineStageFlags, vk::AccessFlags),
+        to: (vk::PipelineStageFlags, vk::AccessFlags),
+    ) {
+        let barrier = vk::ImageMemoryBarrier::default()
+            .src_access_mask(from.1)
+            .dst_access_mask(to.1)
+            .old_layout(old)
+            .new_layout(new)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image.raw)
+            .subresource_range(vk::ImageSubresourceRange {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                base_mip_level: 0,
+                level_count: 1,
+                base_array_layer: 0,
+                layer_count: 1,
+            });
+        let flags = vk::DependencyFlags::empty();
+        let barriers = [barrier];
+        let device = &self.device.raw;
+        // SAFETY: the buffer is being recorded, outside a render pass.
+        unsafe { device.cmd_pipeline_barrier(self.raw, from.0, to.0, flags, &[], &[], &barriers) };
+    }
+
     /// Begins drawing a picture; the rest is done through what this returns.
     pub(crate) fn draw<'a>(
         &'a mut self,
@@ -181,7 +246,8 @@ impl CommandBuffer {
         // SAFETY: being recorded.
         unsafe { self.device.raw.cmd_set_scissor(self.raw, 0, &[area]) };
         let drawing = Drawing { commands: self, layouts };
-        drawing.bind_set(0, frame.raw);
+        // Group 0 is the same in all layouts, so it stays bound.
+        drawing.bind_set(Kind::Mesh, 0, frame.raw);
         drawing
     }
 }
@@ -200,14 +266,14 @@ pub(crate) struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    fn bind_set(&self, index: u32, set: vk::DescriptorSet) {
+    fn bind_set(&self, kind: Kind, index: u32, set: vk::DescriptorSet) {
         let commands = &*self.commands;
         // SAFETY: being recorded; the set was made with the layout that stands at this index.
         unsafe {
             commands.device.raw.cmd_bind_descriptor_sets(
                 commands.raw,
                 vk::PipelineBindPoint::GRAPHICS,
-                self.layouts.pipeline,
+                self.layouts.pipeline(kind),
                 index,
                 &[set],
                 &[],
@@ -215,41 +281,73 @@ impl Drawing<'_> {
         }
     }
 
-    fn bind_pipeline(&self, pipelines: &Pipelines, usage: Usage) {
+    fn bind_pipeline(&self, pipelines: &Pipelines, usage: Usage, cut: Cut) {
         let point = vk::PipelineBindPoint::GRAPHICS;
-        let raw = pipelines.get(usage);
+        let raw = pipelines.get(usage, cut);
         // SAFETY: being recorded; the pipeline was made for a compatible pass.
         unsafe { self.commands.device.raw.cmd_bind_pipeline(self.commands.raw, point, raw) };
     }
 
-    /// Draws vertices that the shader makes up or pulls from the frame's buffers.
-    pub(crate) fn vertices(&mut self, pipelines: &Pipelines, usage: Usage, count: u32) {
-        self.bind_pipeline(pipelines, usage);
+    fn draw(&mut self, vertices: Range<u32>) {
+        let (count, first) = (vertices.len() as u32, vertices.start);
         // SAFETY: within the pass, with pipeline, viewport, scissor and sets bound.
-        unsafe { self.commands.device.raw.cmd_draw(self.commands.raw, count, 1, 0, 0) };
+        unsafe { self.commands.device.raw.cmd_draw(self.commands.raw, count, 1, first, 0) };
+    }
+
+    /// Draws the background.
+    pub(crate) fn background(&mut self, pipelines: &Pipelines) {
+        self.bind_pipeline(pipelines, Usage::Background, Cut::Whole);
+        self.draw(0..3);
+    }
+
+    /// Draws vertices that the shader makes of an array of the frame's.
+    pub(crate) fn array(
+        &mut self,
+        pipelines: &Pipelines,
+        usage: Usage,
+        array: &ArraySet,
+        vertices: u32,
+    ) {
+        self.bind_set(usage.kind(), 1, array.raw);
+        self.bind_pipeline(pipelines, usage, Cut::Whole);
+        self.draw(0..vertices);
     }
 
     /// Draws a mesh: vertex by vertex or, where the shading needs it, corner by corner.
     pub(crate) fn mesh(
         &mut self,
         pipelines: &Pipelines,
-        usage: Usage,
+        (usage, cut): (Usage, Cut),
         mesh: &MeshSet,
         num_triangles: u32,
     ) {
-        self.bind_set(1, mesh.raw);
+        self.bind_set(Kind::Mesh, 1, mesh.raw);
+        self.bind_pipeline(pipelines, usage, cut);
         let count = num_triangles * 3;
         if usage.by_corner() {
-            self.vertices(pipelines, usage, count);
+            self.draw(0..count);
             return;
         }
-        self.bind_pipeline(pipelines, usage);
         let device = &self.commands.device.raw;
         let kind = vk::IndexType::UINT32;
         // SAFETY: within the pass; the buffer was made as an index buffer.
         unsafe { device.cmd_bind_index_buffer(self.commands.raw, mesh.triangles.raw, 0, kind) };
         // SAFETY: as above; the mesh has uploaded that many triangles.
         unsafe { device.cmd_draw_indexed(self.commands.raw, count, 1, 0, 0, 0) };
+    }
+
+    /// Begins to draw pieces of a user interface out of two arrays of the frame's.
+    pub(crate) fn ui(&mut self, pipelines: &Pipelines, arrays: &ArraySet) {
+        self.bind_set(Kind::Ui, 1, arrays.raw);
+        self.bind_pipeline(pipelines, Usage::Ui, Cut::Whole);
+    }
+
+    /// Draws one piece, only within `clip`, which lies within the picture.
+    pub(crate) fn ui_piece(&mut self, clip: vk::Rect2D, texture: &TextureSet, indices: Range<u32>) {
+        // SAFETY: being recorded; the rectangle has no negative corner.
+        unsafe { self.commands.device.raw.cmd_set_scissor(self.commands.raw, 0, &[clip]) };
+        self.bind_set(Kind::Ui, 2, texture.raw);
+        self.draw(indices);
     }
 }
 

@@ -2,7 +2,7 @@
 #![allow(unsafe_code)]
 
 use super::device::Device;
-use super::sets::Layouts;
+use super::sets::{Kind, Layouts};
 use crate::error::{Check, Error, Result};
 use ash::vk;
 use std::ffi::CStr;
@@ -119,16 +119,35 @@ pub(crate) enum Usage {
     Wireframe,
     Level,
     Normals,
+    Coloured,
+    Patches,
     Lines,
     Overlay,
+    Ui,
+}
+
+/// Whether a mesh is drawn whole, or what lies beyond a plane cut away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cut {
+    Whole,
+    Section,
 }
 
 impl Usage {
-    const COUNT: usize = 8;
+    const COUNT: usize = 11;
+
+    /// The bindings it has.
+    pub(super) fn kind(self) -> Kind {
+        match self {
+            Self::Lines | Self::Overlay => Kind::Array,
+            Self::Ui => Kind::Ui,
+            _ => Kind::Mesh,
+        }
+    }
 
     /// Whether the shader pulls each triangle's corners itself.
     pub(super) fn by_corner(self) -> bool {
-        matches!(self, Self::Wireframe | Self::Level)
+        matches!(self, Self::Wireframe | Self::Level | Self::Patches)
     }
 
     fn entries(self) -> (&'static CStr, &'static CStr) {
@@ -139,28 +158,35 @@ impl Usage {
             Self::Wireframe => (c"vs_corner", c"fs_wireframe"),
             Self::Level => (c"vs_corner", c"fs_level"),
             Self::Normals => (c"vs_shared", c"fs_normals"),
+            Self::Coloured => (c"vs_coloured", c"fs_coloured"),
+            Self::Patches => (c"vs_patch", c"fs_patch"),
             Self::Lines => (c"vs_line", c"fs_line"),
             Self::Overlay => (c"vs_overlay", c"fs_overlay"),
+            Self::Ui => (c"vs_ui", c"fs_ui"),
         }
     }
 
-    fn shader(self) -> &'static [u8] {
+    fn shader(self, cut: Cut) -> &'static [u8] {
         match self {
             Self::Background => include_bytes!(concat!(env!("OUT_DIR"), "/background.spv")),
             Self::Lines => include_bytes!(concat!(env!("OUT_DIR"), "/lines.spv")),
             Self::Overlay => include_bytes!(concat!(env!("OUT_DIR"), "/overlay.spv")),
+            Self::Ui => include_bytes!(concat!(env!("OUT_DIR"), "/ui.spv")),
+            _ if cut == Cut::Section => {
+                include_bytes!(concat!(env!("OUT_DIR"), "/mesh_cut.spv"))
+            }
             _ => include_bytes!(concat!(env!("OUT_DIR"), "/mesh.spv")),
         }
     }
 
     fn is_mesh(self) -> bool {
-        !matches!(self, Self::Background | Self::Lines | Self::Overlay)
+        !matches!(self, Self::Background | Self::Lines | Self::Overlay | Self::Ui)
     }
 }
 
 /// The pipelines of one pass, each made when it is first asked for.
 pub(crate) struct Pipelines {
-    made: Mutex<[vk::Pipeline; Usage::COUNT]>,
+    made: Mutex<[[vk::Pipeline; Usage::COUNT]; 2]>,
     layouts: Arc<Layouts>,
     pass: Arc<Pass>,
 }
@@ -168,35 +194,35 @@ pub(crate) struct Pipelines {
 impl Pipelines {
     pub(crate) fn new(pass: &Arc<Pass>, layouts: &Arc<Layouts>) -> Self {
         Self {
-            made: Mutex::new([vk::Pipeline::null(); Usage::COUNT]),
+            made: Mutex::new([[vk::Pipeline::null(); Usage::COUNT]; 2]),
             layouts: Arc::clone(layouts),
             pass: Arc::clone(pass),
         }
     }
 
     /// Makes a pipeline if it is not there yet.
-    pub(crate) fn prepare(&self, usage: Usage) -> Result<()> {
+    pub(crate) fn prepare(&self, usage: Usage, cut: Cut) -> Result<()> {
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-        let slot = &mut made[usage as usize];
+        let slot = &mut made[cut as usize][usage as usize];
         if *slot == vk::Pipeline::null() {
-            *slot = self.create(usage)?;
+            *slot = self.create(usage, cut)?;
         }
         Ok(())
     }
 
     /// # Panics
     /// Panics where the pipeline was not prepared.
-    pub(super) fn get(&self, usage: Usage) -> vk::Pipeline {
+    pub(super) fn get(&self, usage: Usage, cut: Cut) -> vk::Pipeline {
         let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-        let pipeline = made[usage as usize];
+        let pipeline = made[cut as usize][usage as usize];
         assert!(pipeline != vk::Pipeline::null(), "a pipeline is prepared before it is used");
         pipeline
     }
 
-    fn create(&self, usage: Usage) -> Result<vk::Pipeline> {
+    fn create(&self, usage: Usage, cut: Cut) -> Result<vk::Pipeline> {
         let device = &self.layouts.device;
         let words: Vec<u32> = usage
-            .shader()
+            .shader(cut)
             .chunks_exact(4)
             .map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]))
             .collect();
@@ -238,8 +264,13 @@ impl Pipelines {
             .depth_compare_op(vk::CompareOp::GREATER_OR_EQUAL);
         let blend = [vk::PipelineColorBlendAttachmentState::default()
             .color_write_mask(vk::ColorComponentFlags::RGBA)
-            .blend_enable(matches!(usage, Usage::Lines | Usage::Overlay))
-            .src_color_blend_factor(vk::BlendFactor::SRC_ALPHA)
+            .blend_enable(matches!(usage, Usage::Lines | Usage::Overlay | Usage::Ui))
+            .src_color_blend_factor(if usage == Usage::Ui {
+                // Its colours come multiplied with their opacity.
+                vk::BlendFactor::ONE
+            } else {
+                vk::BlendFactor::SRC_ALPHA
+            })
             .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
             .color_blend_op(vk::BlendOp::ADD)
             .src_alpha_blend_factor(vk::BlendFactor::ONE)
@@ -258,7 +289,7 @@ impl Pipelines {
             .depth_stencil_state(&depth)
             .color_blend_state(&blend)
             .dynamic_state(&dynamic)
-            .layout(self.layouts.pipeline)
+            .layout(self.layouts.pipeline(usage.kind()))
             .render_pass(self.pass.raw)
             .subpass(0)];
         let device = &self.layouts.device;
@@ -276,7 +307,8 @@ impl Pipelines {
 
 impl Drop for Pipelines {
     fn drop(&mut self) {
-        for &pipeline in self.made.get_mut().unwrap_or_else(PoisonError::into_inner).iter() {
+        for &pipeline in self.made.get_mut().unwrap_or_else(PoisonError::into_inner).as_flattened()
+        {
             // SAFETY: no submission uses the pipelines any more (Alive); null is allowed.
             unsafe { self.layouts.device.raw.destroy_pipeline(pipeline, None) };
         }

@@ -58,12 +58,15 @@ impl Surface {
                 formats.iter().find(|f| f.format == format && f.color_space == space).copied()
             })
         };
-        if let Some(format) = find([vk::Format::B8G8R8A8_SRGB, vk::Format::R8G8B8A8_SRGB]) {
+        // A processor encodes every pixel by itself, and half of them have their colour in sRGB already.
+        let encoding = [vk::Format::B8G8R8A8_SRGB, vk::Format::R8G8B8A8_SRGB];
+        if let Some(format) = find(encoding).filter(|_| !self.device.software) {
             return Ok((format, false));
         }
         find([vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM])
-            .or(formats.first().copied())
             .map(|format| (format, true))
+            .or_else(|| find(encoding).map(|format| (format, false)))
+            .or_else(|| formats.first().map(|&format| (format, true)))
             .ok_or(Error::SurfaceLost)
     }
 

@@ -51,6 +51,24 @@ pub fn mesh_of(context: &Context, vertices: &[Vertex], triangles: &[[u32; 3]]) -
     mesh
 }
 
+/// A colour for every vertex of a mesh that `ball` made: green below, blue above.
+pub fn colours(vertices: &[Vertex]) -> Vec<[u8; 4]> {
+    let of = |v: &Vertex| if v.position[1] < 0.0 { [40, 200, 60, 255] } else { [50, 60, 220, 255] };
+    vertices.iter().map(of).collect()
+}
+
+/// As `mesh_of`, with colours.
+pub fn coloured_mesh_of(
+    context: &Context,
+    vertices: &[Vertex],
+    triangles: &[[u32; 3]],
+) -> MeshBuffers {
+    let mut mesh = MeshBuffers::new(context).expect("an empty mesh");
+    let colours = colours(vertices);
+    mesh.update(&MeshUpdate { colours: &colours, ..whole(vertices, triangles) }).expect("colours");
+    mesh
+}
+
 /// Looks at the origin along −z from 3 units away.
 pub fn camera(width: u32, height: u32) -> Camera {
     let aspect = width as f32 / height as f32;

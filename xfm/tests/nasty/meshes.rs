@@ -106,13 +106,16 @@ fn made() -> Vec<Nasty> {
     let corner = |i: u32| 2 + i % spokes;
     let above = (0..spokes).map(|i| [0, corner(i), corner(i + 1)]);
     let below = (0..spokes).map(|i| [1, corner(i + 1), corner(i)]);
-    let mesh = |triangles| IndexedMesh {
+    let fan = IndexedMesh {
         positions: positions.clone(),
-        triangles,
+        triangles: above.clone().collect(),
         ..IndexedMesh::default()
     };
-    let fan = mesh(above.clone().collect());
-    let double = mesh(above.chain(below).collect());
+    let double = IndexedMesh {
+        positions,
+        triangles: above.chain(below).collect(),
+        ..IndexedMesh::default()
+    };
     let mut many = IndexedMesh::default();
     for i in 0..1000u32 {
         let at = 3.0 * vec3((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32);

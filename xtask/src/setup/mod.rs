@@ -1,5 +1,6 @@
 //! Finds or installs what the other commands need, asks for nothing, and does nothing when all is there.
 
+mod display;
 mod packages;
 mod python;
 mod rust;
@@ -16,6 +17,7 @@ use crate::Error;
 pub fn everything() -> Result<Python, Error> {
     rust::components()?;
     vulkan::with_validation()?;
+    display::virtual_display()?;
     Python::find_or_install(&python::JUDGE)
 }
 

@@ -1,12 +1,21 @@
 //! `xfm-view`: looks at a `.xfm` file, or at any mesh, in a window or offscreen.
 
+mod action;
 mod args;
+mod camera;
+mod clipboard;
 mod error;
+mod frame_log;
+mod input;
 mod model;
 mod offscreen;
-mod orbit;
-mod outside;
+mod overlay;
+mod panels;
+mod pick;
 mod picture;
+mod screen;
+mod state;
+mod viewer;
 mod window;
 
 use std::process::ExitCode;

@@ -1,40 +1,50 @@
-//! From a model and a camera to a picture, and a picture to a file.
+//! A state as a scene, and a picture as a file.
 
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
-use mergetree::{Camera, FrontVertex};
-use vk_render::{Image, MeshBuffers, MeshUpdate, Uploaded, Vertex};
-use xfm_pager::Session;
+use mergetree::Camera;
+use vk_render::{Image, Line, MeshBuffers, Scene};
 
+use crate::camera::outside;
 use crate::error::Error;
+use crate::model::Model;
+use crate::state::State;
 
-const _: () = assert!(size_of::<FrontVertex>() == size_of::<Vertex>());
-
-/// The camera as the renderer wants it. `radius` is that of the model: what is nearer than a ten-thousandth of it is cut
-/// off.
+/// The camera as the renderer wants it. What is nearer than a hundred-thousandth of the model's `radius` is cut off.
 pub(crate) fn render_camera(camera: &Camera, radius: f32) -> vk_render::Camera {
     vk_render::Camera {
         view: camera.view_matrix(),
         projection: vk_render::Camera::perspective_projection(
             camera.fov_y,
             camera.aspect(),
-            (1e-4 * radius).max(f32::MIN_POSITIVE),
+            (1e-5 * radius).max(f32::MIN_POSITIVE),
         ),
     }
 }
 
-/// Sends what changed in a session to the device.
-pub(crate) fn upload(session: &mut Session, mesh: &mut MeshBuffers) -> Result<Uploaded, Error> {
-    let changes = session.take_changes();
-    Ok(mesh.update(&MeshUpdate {
-        // The same twenty bytes under another name.
-        vertices: bytemuck::cast_slice(session.vertices()),
-        vertex_ranges: &changes.vertices,
-        triangles: session.triangles(),
-        triangle_ranges: &changes.triangles,
-    })?)
+/// Lines that belong to a state: the frustum of a frozen camera.
+pub(crate) fn lines(state: &State) -> Vec<Line> {
+    state.frozen.map_or_else(Vec::new, |frozen| outside::frustum(&frozen, state.radius()))
+}
+
+/// The model as a state shows it, without panels.
+pub(crate) fn scene<'a>(
+    state: &State,
+    mesh: &'a MeshBuffers,
+    model: Option<&Model>,
+    lines: &'a [Line],
+) -> Scene<'a> {
+    let mut scene = Scene::new(mesh, render_camera(&state.camera(), state.radius()));
+    scene.shading = state.shading();
+    if let Some(model) = model {
+        scene.inside_out = model.is_inside_out();
+        scene.max_level = model.depth;
+    }
+    scene.section = state.section.plane(state.bounds);
+    scene.lines = lines;
+    scene
 }
 
 /// Writes a picture as PNG.

@@ -83,10 +83,10 @@ pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
     let report = built.map_err(|error| match error {
         MeshError::Empty => Error::NothingToBuild { file: request.path.to_owned() },
         MeshError::Build(xfm_build::Error::Interrupted) => Error::Interrupted,
+        MeshError::Build(error @ xfm_build::Error::State { .. }) => Error::Resume { source: error },
         MeshError::Build(error) if is_about_grid(&error) => {
             Error::Grid { file: request.path.to_owned(), source: error }
         }
-        MeshError::Build(error @ xfm_build::Error::State { .. }) => Error::Resume { source: error },
         MeshError::Build(error) => error.into(),
         MeshError::Collapse(error) => failed(input, plan, error),
         error => Error::BuildMesh(error),

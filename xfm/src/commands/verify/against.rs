@@ -112,9 +112,6 @@ fn in_core(
         leave_out_no_surface(&full.positions, &mut full.triangles);
     }
     let found = difference((&repaired.positions, &expected), (&full.positions, &full.triangles));
-    let mut counts = repaired::counts(&repaired.report);
-    counts.insert("repeated_triangles", found.repeated);
-    counts.insert("triangles_without_surface", no_surface);
     let colours =
         Colours { of_file: file.header().has_colour(), of_input: !mesh.colours.is_empty() };
     let mut recoloured = None;
@@ -134,6 +131,9 @@ fn in_core(
         }
         recoloured = Some(comparison.finish()?);
     }
+    let mut counts = repaired::counts(&repaired.report);
+    counts.insert("repeated_triangles", found.repeated);
+    counts.insert("triangles_without_surface", no_surface);
     let comparison = Comparison {
         mode: "in-core",
         input_triangles: mesh.triangles.len() as u64,

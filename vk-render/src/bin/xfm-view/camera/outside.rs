@@ -7,15 +7,15 @@ use vk_render::Line;
 const FRUSTUM_COLOR: [u8; 4] = [255, 214, 64, 255];
 
 /// A camera that sees the whole model, and the user's eye where it is not far off, from the side and a little above.
-pub(crate) fn camera(user: &Camera, min: Vec3, max: Vec3) -> Camera {
+pub(crate) fn camera(user: &Camera, [min, max]: [Vec3; 2], up: Vec3) -> Camera {
     let sight = (user.at - user.eye).normalize_or(Vec3::NEG_Z);
-    let side = sight.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
-    let direction = (0.5 * sight - side - 0.4 * Vec3::Y).normalize();
+    let side = sight.cross(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
+    let direction = (0.5 * sight - side - 0.4 * up).normalize();
     let center = 0.5 * (min + max);
     // As much of the way to the eye as leaves the model large.
     let toward_eye = (user.eye - center).clamp_length_max(0.5 * (max - min).length());
     let eye = center + toward_eye;
-    let around = Camera { up: Vec3::Y, ..*user };
+    let around = Camera { up, ..*user };
     around.framing(min.min(eye), max.max(eye), direction)
 }
 
