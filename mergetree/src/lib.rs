@@ -48,6 +48,7 @@ mod forest;
 mod front;
 mod measure;
 mod node;
+mod pack;
 mod ranks;
 mod record;
 mod store;
@@ -64,6 +65,7 @@ pub use front::{
 };
 pub use measure::{BoundsLanes, ErrorMeasure, LANES, NodeBounds};
 pub use node::{Colour, HalfEdgeName, HalfEdgeNames, Node, NodeId, OctNormal, SlotId};
+pub use pack::{DraftPlace, PackedPage, PackedPages, PagePacker};
 pub use ranks::{RankAccount, RankError, ranks};
 pub use record::{CollapseRecord, StarBounds};
 pub use store::NodeStore;

@@ -288,6 +288,27 @@ fn a_node_that_contradicts_its_surroundings_changes_nothing() {
     assert!(rejected > 100);
 }
 
+/// A tree that two vertices claim is split where the one is and still to come where the other is: refinement waited for it
+/// forever.
+#[test]
+fn a_tree_of_two_vertices_is_damage_and_no_endless_loop() {
+    let mut damaged = 0;
+    let shape = common::torus(12, 8);
+    let mut options = BuildOptions::default();
+    options.base_faces = 16;
+    let whole = mergetree::build(shape.mesh(), &shape.positions, &options, &|_| ()).unwrap();
+    let vertices = 0..whole.base.vertices.len();
+    for (from, to) in vertices.clone().flat_map(|from| vertices.clone().map(move |to| (from, to))) {
+        let mut forest = whole.clone();
+        forest.base.vertices[to].root = forest.base.vertices[from].root;
+        let mut front = Front::new(&forest, Dependencies::Order).unwrap();
+        let stats = front.update(&mut forest, |_| 1.0, &UpdateLimits::with_tolerance(0.0));
+        assert!(from != to || stats.damaged == 0);
+        damaged += stats.damaged;
+    }
+    assert!(damaged > 0);
+}
+
 #[test]
 fn bounds_hold_all_that_is_below() {
     let shape = common::torus(40, 20);

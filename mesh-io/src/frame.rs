@@ -5,6 +5,9 @@ use glam::{DVec3, Vec3};
 /// From here on neighbouring `f32` lie 1/128 and more apart.
 const FAR: f64 = 65_536.0;
 
+/// From here on an origin could bring other coordinates beyond the largest `f32`; below it does not change those near that.
+const TOO_FAR: f64 = 1e30;
+
 /// The frame of a stream's coordinates: what is handed out is the file's coordinate less `origin`, rounded to `f32`.
 ///
 /// Files whose coordinates are doubles (or 32-bit integers) or decimal text, far from zero, would lose digits as `f32`,
@@ -72,7 +75,7 @@ impl Framing {
 impl Frame {
     #[cfg_attr(not(any(feature = "stl", feature = "ply", feature = "obj")), allow(dead_code))]
     fn around(first: DVec3) -> Self {
-        let axis = |c: f64| if c.is_finite() && c.abs() >= FAR { c.round() } else { 0.0 };
+        let axis = |c: f64| if (FAR..TOO_FAR).contains(&c.abs()) { c.round() } else { 0.0 };
         let origin = DVec3::from_array(first.to_array().map(axis));
         Self { origin, double: origin != DVec3::ZERO }
     }
@@ -109,8 +112,18 @@ mod tests {
         let far = DVec3::new(65_536.0, -4_567_890.6, 12.5);
         let expected = Frame { origin: DVec3::new(65_536.0, -4_567_891.0, 0.0), double: true };
         assert_eq!(Frame::around(far), expected);
-        let odd = DVec3::new(f64::NAN, f64::INFINITY, 1e300);
-        assert_eq!(Frame::around(odd).origin, DVec3::new(0.0, 0.0, 1e300));
+        let odd = DVec3::new(f64::NAN, f64::INFINITY, 1e29);
+        assert_eq!(Frame::around(odd).origin, DVec3::new(0.0, 0.0, 1e29));
+    }
+
+    #[test]
+    fn the_largest_numbers_stay_finite() {
+        for first in [3.4e38, -3.4e38, 1e30, 9.9e29] {
+            let frame = Frame::around(DVec3::splat(first));
+            for other in [f32::MAX, f32::MIN, 0.0] {
+                assert!(frame.from_file(DVec3::splat(other.into())).is_finite());
+            }
+        }
     }
 
     #[test]

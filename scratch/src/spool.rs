@@ -190,6 +190,39 @@ impl<T: Pod> Spool<T> {
         Ok(true)
     }
 
+    /// Reads the records that [`take_last`](Self::take_last) would take after `nth` times, into `piece` instead of what was
+    /// there, and leaves them where they are. `false` means that there are none.
+    ///
+    /// # Errors
+    /// When the scratch file cannot be read.
+    pub fn read_last(
+        &self,
+        store: &mut Store,
+        nth: usize,
+        piece: &mut Piece<T>,
+    ) -> Result<bool, Error> {
+        piece.clear(store);
+        let mut nth = nth;
+        if let Some(tail) = &self.tail {
+            if nth == 0 {
+                let mut buffer = store.buffer();
+                buffer.copy_from_slice(tail);
+                (piece.buffer, piece.len) = (Some(buffer), self.tail_len);
+                return Ok(true);
+            }
+            nth -= 1;
+        }
+        let index = self.chunks.len().checked_sub(nth + 1);
+        let Some((index, entry)) = index.and_then(|at| Some((at, self.chunks.get(at)?))) else {
+            return Ok(false);
+        };
+        if let Some(ahead) = index.checked_sub(self.ahead).and_then(|at| self.chunks.get(at)) {
+            store.will_take(ahead.place);
+        }
+        (piece.buffer, piece.len) = (Some(store.read(entry.place)?), entry.records as usize);
+        Ok(true)
+    }
+
     /// Has the system read ahead: all of the first ones once, then one more for each that is taken. `nth` is the place of the
     /// chunk that will be taken then, 1 for the next one.
     fn ask(&mut self, store: &Store, nth: impl Fn(usize) -> Option<usize>) {
@@ -285,6 +318,7 @@ mod tests {
         Push(u8),
         First,
         Last,
+        Read(usize),
     }
 
     fn steps() -> impl Strategy<Value = Vec<(usize, Step)>> {
@@ -292,6 +326,7 @@ mod tests {
             4 => (0..60u8).prop_map(Step::Push),
             1 => Just(Step::First),
             1 => Just(Step::Last),
+            1 => (0..4usize).prop_map(Step::Read),
         ];
         prop::collection::vec((0..3usize, step), 0..60)
     }
@@ -322,6 +357,17 @@ mod tests {
                         prop_assert_eq!(some, !naive.is_empty());
                         for &record in piece.items() {
                             prop_assert_eq!(Some(record), naive.pop_front());
+                        }
+                    }
+                    Step::Read(nth) => {
+                        // What comes before it from the end, then it.
+                        let mut end = naive.len();
+                        for nth in 0..=nth {
+                            let some = spool.read_last(&mut store, nth, &mut piece).unwrap();
+                            prop_assert_eq!(some, end > 0);
+                            let begin = end - piece.items().len();
+                            prop_assert!(naive.range(begin..end).eq(piece.items()));
+                            end = begin;
                         }
                     }
                     Step::Last => {

@@ -231,6 +231,25 @@ impl Store {
         }
     }
 
+    /// Reads a chunk, and leaves it where it is.
+    pub(crate) fn read(&mut self, place: Place) -> Result<Buffer, Error> {
+        let mut buffer = self.buffer();
+        match place {
+            Place::Memory(number) => buffer.copy_from_slice(&self.held[number as usize]),
+            Place::File(FilePlace { number, crc }) => {
+                let first = u64::from(number) * self.chunk_words as u64;
+                let Some(file) = &mut self.file else {
+                    return Err(self.scratch.failed(std::io::Error::other("there is none")));
+                };
+                file.read(first, &mut buffer)?;
+                if self.kept && crc32fast::hash(bytemuck::cast_slice(&buffer)) != crc {
+                    return Err(self.inconsistent());
+                }
+            }
+        }
+        Ok(buffer)
+    }
+
     /// That a kept file does not hold what was saved.
     pub(crate) fn inconsistent(&self) -> Error {
         let damaged = "what an earlier run wrote is not there any more; begin again";

@@ -245,6 +245,7 @@ impl Clusters {
         let key = (x << AXIS_BITS | y) << AXIS_BITS | z;
         *self.number_of.entry(key).or_insert_with(|| {
             let center = (self.low + (place + 0.5) * size).as_vec3();
+            let center = center.clamp(Vec3::splat(f32::MIN), Vec3::splat(f32::MAX));
             self.cells.push(Cell { center, ..Cell::default() });
             self.cells.len() as u32 - 1
         })
@@ -263,7 +264,9 @@ impl Clusters {
                 *number = positions.len() as u32;
                 let cell = &self.cells[*v as usize];
                 let at = cell.quadric.optimum(cell.sum / cell.count as f32);
-                positions.push(cell.center + at.clamp(Vec3::splat(-half), Vec3::splat(half)));
+                let at = cell.center + at.clamp(Vec3::splat(-half), Vec3::splat(half));
+                // Where squares of lengths overflow there is no optimum.
+                positions.push(if at.is_finite() { at } else { cell.center });
             }
             *v = *number;
         }

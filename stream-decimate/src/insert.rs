@@ -291,6 +291,10 @@ impl Inserter {
         let colour = portion.paints.get(v as usize).map_or(UNCOLOURED[0], |paint| paint.colour);
         let other = self.new_vertex(portion, position, colour);
         portion.stars.all().adopt(other, v, &fans);
+        // Of what its triangles have been through it knows as much as the other.
+        if let Some(touched) = portion.identities.get(v as usize).map(|identity| identity.touched) {
+            portion.identities[other as usize].touched = touched;
+        }
         for vertex in [v, other] {
             let mut quadric = Quadric::default();
             let mut normal = Vec3::ZERO;

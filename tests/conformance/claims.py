@@ -193,6 +193,20 @@ class Case:
     def _judge_write(self, name, step, mesh):
         self._same_triangles(name, mesh)
 
+    def _judge_colours(self, name, step, mesh):
+        """The same colours at the same places, as trimesh reads both files."""
+        painted, found = (meshes.load_painted(f) for f in (step["painted"], step["output"]))
+        if step["output"].endswith(".obj"):
+            # Which has no fourth component.
+            painted, found = painted[:, :6], found[:, :6]
+        if step["everywhere"]:
+            same = painted.shape == found.shape and bool((painted == found).all())
+            self._claim(f"{name}: colours of {len(painted)} vertices", "the same", same, same)
+        else:
+            known = set(map(bytes, painted))
+            strange = sum(bytes(row) not in known for row in found)
+            self._claim(f"{name}: vertices with other colours", 0, strange)
+
     def _same_triangles(self, name, mesh):
         differing = sameness.differing_triangles(self.input, mesh)
         self._claim(f"{name}: differing triangles", 0, differing)
@@ -223,7 +237,7 @@ def _step_name(step):
         return f"{step['kind']} {file[: -len('.ply')] if step['kind'] == 'read' else file}"
     if step["kind"] == "build":
         return "build " + step["arguments"][2].rsplit("/", 1)[-1]
-    if step["kind"] in ("full", "view"):
+    if step["kind"] in ("full", "view", "colours"):
         return f"{step['kind']} {step['output'].rsplit('/', 1)[-1]}"
     return step["kind"]
 

@@ -20,6 +20,31 @@ def load(path):
     return weld(mesh) if suffix == ".stl" else mesh
 
 
+def load_painted(path):
+    """The vertices in use with their colours: distinct rows of x, y, z and four components, sorted."""
+    suffix = Path(path).suffix.lower()
+    options = OBJ_OPTIONS if suffix == ".obj" else {}
+    mesh = trimesh.load_mesh(path, process=False, maintain_order=True, **options)
+    if mesh.visual.kind != "vertex":
+        raise ValueError(f"{path}: no colours of vertices")
+    used = np.unique(mesh.faces)
+    places = np.asarray(mesh.vertices, np.float32)[used] + np.float32(0)
+    return np.unique(np.hstack([places, mesh.visual.vertex_colors[used]]), axis=0)
+
+
+def write_painted(mesh, folder):
+    """Writes a mesh with a colour of its own for each place; returns the file."""
+    mesh = weld(mesh)
+    low, high = mesh.bounds
+    share = (mesh.vertices - low) / (high - low)
+    chequered = np.indices((len(mesh.vertices), 1))[0] % 2
+    colours = np.hstack([share, 1 - 0.3 * chequered])
+    mesh.visual.vertex_colors = (255 * colours).astype(np.uint8)
+    file = Path(folder) / "painted.ply"
+    file.write_bytes(mesh.export(file_type="ply"))
+    return file
+
+
 def _joined(scene):
     """All of a scene's meshes as one, without materials: copying those needs more libraries."""
     vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0

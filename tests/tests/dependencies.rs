@@ -3,7 +3,7 @@
 use std::process::Command;
 
 /// Who may use whom: a crate uses only those named before it; `may` narrows that down further.
-const ORDER: [&str; 13] = [
+const ORDER: [&str; 14] = [
     "halfedge",
     "qem",
     "mesh-io",
@@ -17,6 +17,7 @@ const ORDER: [&str; 13] = [
     "xfm",
     "xtask",
     "tests",
+    "fuzz",
 ];
 
 /// What a crate of the workspace may use at run time at most.

@@ -1,21 +1,24 @@
 //! A bucket's nodes, put in their places.
 
-use mergetree::{BoundCodes, Colour, Node, NodeId};
+use mergetree::{BoundCodes, Colour, Node, NodeId, PackedPage};
 use scratch::{Piece, Spool, Store};
 use xfm_format::{BlockId, Numbering, Page};
 
 use crate::Error;
 use crate::bucket::{Above, Bucket, Placed, Side};
-use crate::log::{LoggedColour, PageSize};
+use crate::log::LoggedColour;
 use crate::names::{NONE, to_option};
 
 /// The nodes of a bucket, page by page, in order of their ids.
 #[derive(Debug, Default)]
 pub(crate) struct Assembled {
     first_block: u32,
-    pages: Vec<PageSize>,
-    /// Per block where its nodes begin; [`NONE`] until its first one has come.
+    pages: Vec<PackedPage>,
+    /// Per block where its nodes begin, in the order in which the blocks of a page came; [`NONE`] until its first one has
+    /// come.
     starts: Vec<u32>,
+    /// Per block the number of its nodes.
+    sizes: Vec<u8>,
     nodes: Vec<Node>,
     /// Of each node, or none.
     colours: Vec<Colour>,
@@ -43,8 +46,8 @@ impl Front {
 /// How far a page is while nodes come.
 #[derive(Clone, Copy, Debug)]
 struct Cursor {
-    next_block: u32,
-    end_block: u32,
+    /// Blocks to come.
+    blocks: u32,
     next_node: u32,
     end_node: u32,
 }
@@ -52,8 +55,7 @@ struct Cursor {
 /// Stands in a place that no node has come for.
 const VACANT: Node = Node { order: NONE, ..Node::BLANK };
 
-/// Takes nodes as they come, in the order of the log's end: parents before children, and so the blocks of a page in order of
-/// their numbers.
+/// Takes nodes as they come, in the order of the log's end: parents before children.
 struct Assembler<'a> {
     numbering: Numbering,
     into: &'a mut Assembled,
@@ -78,6 +80,8 @@ impl Assembled {
         self.pages = pages;
         self.starts.clear();
         self.starts.resize(num_blocks as usize, NONE);
+        self.sizes.clear();
+        self.sizes.resize(num_blocks as usize, 0);
         self.nodes.clear();
         self.nodes.resize(num_nodes as usize, VACANT);
         let has_colours = !colours.is_empty();
@@ -116,26 +120,19 @@ impl Assembled {
         pages: &mut Vec<Page>,
         mut act: impl FnMut(&[Page]) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let mut block = 0;
-        let mut end_node = 0;
-        for sizes in self.pages.chunks(PAGES_AT_ONCE) {
-            pages.resize_with(sizes.len().max(pages.len()), Page::new);
-            for (page, size) in pages.iter_mut().zip(sizes) {
-                page.restart_at(BlockId::new(self.first_block + block as u32));
-                let end_block = block + size.blocks as usize;
-                end_node += size.nodes as usize;
-                for index in block..end_block {
-                    let start = self.starts[index] as usize;
-                    let end = match self.starts.get(index + 1) {
-                        Some(&next) if index + 1 < end_block => next as usize,
-                        _ => end_node,
-                    };
-                    let colours = self.colours.get(start..end).unwrap_or_default();
-                    page.push_coloured_block(&self.nodes[start..end], colours);
+        for packed in self.pages.chunks(PAGES_AT_ONCE) {
+            pages.resize_with(packed.len().max(pages.len()), Page::new);
+            for (page, packed) in pages.iter_mut().zip(packed) {
+                page.restart_at(BlockId::new(packed.first_block));
+                let first = (packed.first_block - self.first_block) as usize;
+                let blocks = first..first + packed.blocks as usize;
+                for (&start, &size) in self.starts[blocks.clone()].iter().zip(&self.sizes[blocks]) {
+                    let nodes = start as usize..start as usize + usize::from(size);
+                    let colours = self.colours.get(nodes.clone()).unwrap_or_default();
+                    page.push_coloured_block(&self.nodes[nodes], colours);
                 }
-                block = end_block;
             }
-            act(&pages[..sizes.len()])?;
+            act(&pages[..packed.len()])?;
         }
         Ok(())
     }
@@ -148,12 +145,12 @@ impl<'a> Assembler<'a> {
     fn new(into: &'a mut Assembled, numbering: Numbering) -> Self {
         let mut cursors = Vec::with_capacity(into.pages.len());
         let mut page_of = Vec::with_capacity(into.starts.len());
-        let (mut block, mut node) = (0, 0);
-        for size in &into.pages {
-            page_of.extend((0..size.blocks).map(|_| cursors.len() as u32));
-            let (end_block, end_node) = (block + size.blocks, node + size.nodes);
-            cursors.push(Cursor { next_block: block, end_block, next_node: node, end_node });
-            (block, node) = (end_block, end_node);
+        let mut node = 0;
+        for page in &into.pages {
+            page_of.extend((0..page.blocks).map(|_| cursors.len() as u32));
+            let end_node = node + page.nodes;
+            cursors.push(Cursor { blocks: page.blocks, next_node: node, end_node });
+            node = end_node;
         }
         Self { numbering, into, cursors, page_of, placed: 0 }
     }
@@ -208,13 +205,14 @@ impl<'a> Assembler<'a> {
         let cursor = &mut self.cursors[*page as usize];
         let nodes = 1 + placed.inside.iter().copied().map(u32::from).sum::<u32>();
         let end = cursor.next_node + nodes;
-        if cursor.next_block as usize != block || end > cursor.end_node {
-            return Err("a block that is not the next one of its page");
+        if self.into.starts[block] != NONE || cursor.blocks == 0 || end > cursor.end_node {
+            return Err("a block that its page has no room for");
         }
         self.into.starts[block] = cursor.next_node;
-        cursor.next_block += 1;
+        self.into.sizes[block] = u8::try_from(nodes).map_err(|_| "a block that is too large")?;
+        cursor.blocks -= 1;
         cursor.next_node = end;
-        if (cursor.next_block == cursor.end_block) != (end == cursor.end_node) {
+        if (cursor.blocks == 0) != (end == cursor.end_node) {
             return Err("a page with other blocks than were counted");
         }
         Ok(())
@@ -247,8 +245,10 @@ impl<'a> Assembler<'a> {
 
     /// The place of a node among those of the bucket, if its block has begun.
     fn place(&self, id: NodeId) -> Option<usize> {
-        let start = *self.into.starts.get(self.index(id)?)?;
-        let place = start.checked_add(self.numbering.slot(id)).filter(|_| start != NONE)? as usize;
+        let block = self.index(id)?;
+        let (&start, &size) = (self.into.starts.get(block)?, self.into.sizes.get(block)?);
+        let slot = self.numbering.slot(id);
+        let place = start.checked_add(slot).filter(|_| slot < u32::from(size))? as usize;
         (place < self.into.nodes.len()).then_some(place)
     }
 }

@@ -1,11 +1,11 @@
 //! Nodes that have their place in the file, gathered by ranges of pages.
 
 use bytemuck::{Pod, Zeroable};
-use mergetree::{NodeId, OctNormal};
+use mergetree::{NodeId, OctNormal, PackedPage};
 use scratch::{Error, Spool, Store};
 use xfm_format::Numbering;
 
-use crate::log::{LoggedColour, PageSize};
+use crate::log::LoggedColour;
 use crate::names::NONE;
 
 /// A node with its final ids, or a link to a node of another bucket.
@@ -108,74 +108,53 @@ pub(crate) struct Bucket {
     /// Of each node, links left out; empty where there are none.
     pub colours: Spool<LoggedColour>,
     pub first_block: u32,
-    /// The size of each page.
-    pub pages: Vec<PageSize>,
+    pub pages: Vec<PackedPage>,
     pub num_nodes: u32,
     pub num_blocks: u32,
 }
 
-/// All pages there are so far.
+/// All pages.
 #[derive(Debug)]
 pub(crate) struct Buckets {
     pub all: Vec<Bucket>,
     numbering: Numbering,
-    /// Nodes of a bucket.
-    max_nodes: u32,
-    /// Nodes of a page.
-    page_nodes: u32,
-    num_blocks: u32,
-    num_pages: u64,
-}
-
-/// A page that has got its number.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct NewPage {
-    pub first_block: u32,
-    pub bucket: u32,
+    /// The first page of each.
+    first_pages: Vec<u32>,
 }
 
 impl Buckets {
-    /// None, in pages of at most so many nodes; a bucket has `max_nodes`, and at least one page.
-    pub fn new(numbering: Numbering, page_nodes: u32, max_nodes: u32) -> Self {
-        Self { all: Vec::new(), numbering, max_nodes, page_nodes, num_blocks: 0, num_pages: 0 }
+    /// For these pages; a bucket has at most so many nodes, and at least one page.
+    pub fn new(store: &Store, numbering: Numbering, pages: &[PackedPage], max_nodes: u32) -> Self {
+        let mut buckets = Self { all: Vec::new(), numbering, first_pages: Vec::new() };
+        for (number, page) in (0..).zip(pages) {
+            let fits = |bucket: &Bucket| bucket.num_nodes.saturating_add(page.nodes) <= max_nodes;
+            if !buckets.all.last().is_some_and(fits) {
+                buckets.first_pages.push(number);
+                buckets.all.push(Bucket {
+                    nodes: Spool::new(store),
+                    colours: Spool::new(store),
+                    first_block: page.first_block,
+                    pages: Vec::new(),
+                    num_nodes: 0,
+                    num_blocks: 0,
+                });
+            }
+            if let Some(bucket) = buckets.all.last_mut() {
+                bucket.pages.push(*page);
+                bucket.num_nodes += page.nodes;
+                bucket.num_blocks += page.blocks;
+            }
+        }
+        buckets
     }
 
-    /// Number of blocks and of pages so far.
-    pub fn counts(&self) -> (u64, u64) {
-        (self.num_blocks.into(), self.num_pages)
+    /// The bucket that a page is in.
+    pub fn of_page(&self, page: u32) -> u32 {
+        self.first_pages.partition_point(|&first| first <= page).saturating_sub(1) as u32
     }
 
     pub fn numbering(&self) -> Numbering {
         self.numbering
-    }
-
-    /// Begins the next page; `None` when there can be no page of this size, which only damage can bring about.
-    pub fn begin_page(&mut self, store: &Store, size: PageSize) -> Option<NewPage> {
-        if size.nodes > self.page_nodes || size.blocks > size.nodes || size.blocks == 0 {
-            return None;
-        }
-        let first_block = self.num_blocks;
-        self.num_blocks = first_block.checked_add(size.blocks)?;
-        self.num_pages += 1;
-        let fits = |bucket: &Bucket| match bucket.num_nodes.checked_add(size.nodes) {
-            Some(nodes) => nodes <= self.max_nodes,
-            None => false,
-        };
-        if !self.all.last().is_some_and(fits) {
-            self.all.push(Bucket {
-                nodes: Spool::new(store),
-                colours: Spool::new(store),
-                first_block,
-                pages: Vec::new(),
-                num_nodes: 0,
-                num_blocks: 0,
-            });
-        }
-        let bucket = self.all.last_mut()?;
-        bucket.pages.push(size);
-        bucket.num_nodes = bucket.num_nodes.checked_add(size.nodes)?;
-        bucket.num_blocks += size.blocks;
-        Some(NewPage { first_block, bucket: self.all.len() as u32 - 1 })
     }
 
     /// Puts a node, or a link, into a bucket.

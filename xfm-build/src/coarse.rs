@@ -4,11 +4,11 @@ use std::cmp::Reverse;
 
 use bytemuck::{Pod, Zeroable};
 use halfedge::FaceId;
-use mergetree::{BaseMesh, BaseVertex, CutRule, NodeId};
+use mergetree::{BaseMesh, BaseVertex, NodeId, OpenPiece};
 use xfm_format::Rounding;
 
 use crate::link::Top;
-use crate::log::PageSize;
+use crate::log::PieceSize;
 use crate::names::{CoarseMesh, NameBounds};
 use crate::{CoarseProblem, Error};
 
@@ -21,8 +21,6 @@ pub(crate) struct Coarse {
     pub face_names: Vec<FaceId>,
     /// The trees, the one with the last collapse first.
     pub roots: Vec<CoarseRoot>,
-    /// The pages that roots are in.
-    pub root_pages: Vec<PageSize>,
 }
 
 /// A tree under a vertex of the coarsest mesh.
@@ -33,8 +31,8 @@ pub(crate) struct CoarseRoot {
     pub name: u32,
     /// Its place among the vertices of the coarsest mesh.
     pub vertex: u32,
-    /// Which of the roots' pages it is in.
-    pub page: u32,
+    /// The size of the piece that its root is in.
+    pub size: PieceSize,
 }
 
 impl Coarse {
@@ -60,12 +58,11 @@ impl Coarse {
     }
 }
 
-/// Checks a mesh against the trees that there are, and gathers these in pages.
+/// Checks a mesh against the trees that there are.
 pub(crate) fn close(
     mesh: &CoarseMesh,
     names: NameBounds,
     tops: &mut [Top],
-    rule: CutRule,
 ) -> Result<Coarse, Error> {
     let fail = |problem| Err(Error::Coarse(problem));
     // Three half-edges each, and room for six more of a node.
@@ -118,20 +115,13 @@ pub(crate) fn close(
     }
     let face_names = mesh.faces.iter().map(|face| face.name).collect();
     trees.sort_unstable_by_key(|&(order, ..)| Reverse(order));
-    let mut root_pages: Vec<PageSize> = Vec::new();
-    let mut roots = Vec::with_capacity(trees.len());
-    let begins = rule.gather(trees.iter().map(|&(_, piece, ..)| piece));
-    for (&(_, piece, name, vertex), begins) in trees.iter().zip(begins) {
-        if begins {
-            root_pages.push(PageSize::default());
-        }
-        if let Some(page) = root_pages.last_mut() {
-            page.nodes += piece.page_nodes;
-            page.blocks += piece.page_blocks;
-        }
-        roots.push(CoarseRoot { name, vertex, page: root_pages.len() as u32 - 1 });
-    }
-    Ok(Coarse { base, face_names, roots, root_pages })
+    let root = |(_, piece, name, vertex): (u32, OpenPiece, u32, u32)| CoarseRoot {
+        name,
+        vertex,
+        size: piece.into(),
+    };
+    let roots = trees.into_iter().map(root).collect();
+    Ok(Coarse { base, face_names, roots })
 }
 
 /// The places of vertices that have trees have to fit beside ids of nodes.

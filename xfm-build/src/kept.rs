@@ -23,7 +23,7 @@ use xfm_format::WriteOptions;
 
 use crate::coarse::{Coarse, CoarseRoot};
 use crate::link::{Counts, Linked, Top};
-use crate::log::{LogEntry, LoggedColour, PageSize};
+use crate::log::{LogEntry, LoggedColour, PieceSize};
 use crate::names::NameBounds;
 use crate::{Error, StateProblem};
 
@@ -106,7 +106,7 @@ pub(crate) struct Known<'a> {
     pub counts: &'a Counts,
     pub store: &'a mut Store,
     pub log: &'a mut Spool<LogEntry>,
-    pub sizes: &'a mut Spool<PageSize>,
+    pub sizes: &'a mut Spool<PieceSize>,
     pub colours: Option<&'a mut Spool<LoggedColour>>,
 }
 
@@ -140,7 +140,7 @@ impl Kept {
         let fixed = Fixed {
             nodes: counts.nodes,
             blocks: counts.blocks,
-            pages: counts.pages,
+            pieces: counts.pieces,
             faces: counts.faces,
             min: counts.min.to_array(),
             max: counts.max.to_array(),
@@ -183,7 +183,6 @@ impl Kept {
         out.put("faces", &coarse.base.faces)?;
         out.put("face names", &face_names)?;
         out.put("roots", &coarse.roots)?;
-        out.put("root pages", &coarse.root_pages)?;
         out.put("notes", notes)?;
         draft.finish()
     }
@@ -204,7 +203,7 @@ impl Drop for Kept {
 struct Fixed {
     nodes: u64,
     blocks: u64,
-    pages: u64,
+    pieces: u64,
     faces: u64,
     min: [f32; 3],
     max: [f32; 3],
@@ -240,7 +239,7 @@ pub(crate) struct Earlier {
 pub(crate) struct Opened {
     pub store: Store,
     pub log: Spool<LogEntry>,
-    pub sizes: Spool<PageSize>,
+    pub sizes: Spool<PieceSize>,
     pub colours: Option<Spool<LoggedColour>>,
     pub kept: Kept,
 }
@@ -287,8 +286,8 @@ impl Earlier {
             && colours.as_ref().is_none_or(|colours| records(colours) == fixed.nodes)
             && (1 << 10..=1 << 20).contains(&fixed.chunk_bytes)
             && records(&log) == fixed.nodes
-            && (fixed.is_whole == 1 || records(&sizes) == fixed.pages)
-            && fixed.pages <= fixed.blocks
+            && (fixed.is_whole == 1 || records(&sizes) == fixed.pieces)
+            && fixed.pieces <= fixed.blocks
             && fixed.blocks <= u32::MAX.into()
             && fixed.nodes <= u32::MAX.into()
             && fixed.faces <= 2 * fixed.nodes;
@@ -302,7 +301,7 @@ impl Earlier {
             counts: Counts {
                 nodes: fixed.nodes,
                 blocks: fixed.blocks,
-                pages: fixed.pages,
+                pieces: fixed.pieces,
                 faces: fixed.faces,
                 min: fixed.min.into(),
                 max: fixed.max.into(),
@@ -337,14 +336,13 @@ impl Earlier {
         let most = u64::from(u32::MAX);
         let (mut vertices, mut notes) = (Vec::<SavedVertex>::new(), Vec::new());
         let (mut faces, mut face_names) = (Vec::<[u32; 3]>::new(), Vec::<u32>::new());
-        let (mut roots, mut root_pages) = (Vec::<CoarseRoot>::new(), Vec::<PageSize>::new());
+        let mut roots = Vec::<CoarseRoot>::new();
         reader.take("vertices", most, &mut vertices)?;
         let mut colours = Vec::<Colour>::new();
         reader.take("vertex colours", vertices.len() as u64, &mut colours)?;
         reader.take("faces", most, &mut faces)?;
         reader.take("face names", faces.len() as u64, &mut face_names)?;
         reader.take("roots", vertices.len() as u64, &mut roots)?;
-        reader.take("root pages", roots.len() as u64, &mut root_pages)?;
         reader.take("notes", 1 << 20, &mut notes)?;
         self.reader.finish()?;
         let num_colours = if self.colours.is_some() { vertices.len() } else { 0 };
@@ -355,7 +353,7 @@ impl Earlier {
             && roots.iter().all(|root| {
                 root.name < self.names.vertices
                     && (root.vertex as usize) < vertices.len()
-                    && (root.page as usize) < root_pages.len()
+                    && root.size.nodes > 0
             });
         if !sound {
             return Err(CheckpointError::Damaged("coarsest mesh"));
@@ -369,7 +367,6 @@ impl Earlier {
             base: BaseMesh { vertices: vertices.into_iter().map(vertex).collect(), faces, colours },
             face_names: face_names.into_iter().map(FaceId::new).collect(),
             roots,
-            root_pages,
         };
         Ok((coarse, notes))
     }

@@ -30,6 +30,7 @@ mod log;
 mod names;
 mod number;
 mod pace;
+mod pack;
 mod plan;
 mod progress;
 mod stream;

@@ -12,7 +12,7 @@ use xfm_format::{Numbering, Rounding, WriteOptions};
 
 use crate::coarse::{Coarse, close};
 use crate::kept::{Draft, Earlier, Keep, Kept, Known, Opened, log_error};
-use crate::log::{LogEntry, LoggedChild, LoggedColour, PageSize};
+use crate::log::{LogEntry, LoggedChild, LoggedColour, PieceSize};
 use crate::names::{CoarseMesh, MAX_VERTEX, NONE, NameBounds, from_option};
 use crate::plan::{self, LinkPlan};
 use crate::{CoarseProblem, Error, RecordProblem};
@@ -116,9 +116,9 @@ impl Top {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Counts {
     pub nodes: u64,
-    /// Blocks and pages that have an end above.
+    /// Blocks and pieces that have an end above.
     pub blocks: u64,
-    pub pages: u64,
+    pub pieces: u64,
     /// Faces that the nodes bring.
     pub faces: u64,
     pub min: Vec3,
@@ -130,7 +130,7 @@ impl Counts {
         Self {
             nodes: 0,
             blocks: 0,
-            pages: 0,
+            pieces: 0,
             faces: 0,
             min: Vec3::INFINITY,
             max: Vec3::NEG_INFINITY,
@@ -167,7 +167,7 @@ pub struct Linker {
     tops: Vec<Top>,
     store: Store,
     log: Spool<LogEntry>,
-    sizes: Spool<PageSize>,
+    sizes: Spool<PieceSize>,
     /// Beside the log, where vertices have colours.
     colours: Option<Spool<LoggedColour>>,
     counts: Counts,
@@ -436,7 +436,7 @@ impl Linker {
             return Err(Error::TooLarge { nodes: self.counts.nodes, max: self.max_blocks });
         }
         if cut == Cut::Page {
-            self.counts.pages += 1;
+            self.counts.pieces += 1;
             self.sizes.push(&mut self.store, &piece.into())?;
         }
         Ok(())
@@ -453,7 +453,7 @@ impl Linker {
         if mesh.colours.len() != num_colours {
             return Err(Error::Coarse(CoarseProblem::Colours));
         }
-        let mut coarse = close(mesh, self.names, &mut self.tops, self.rule)?;
+        let mut coarse = close(mesh, self.names, &mut self.tops)?;
         coarse.round(self.rounding)?;
         for vertex in &coarse.base.vertices {
             self.counts.add_position(vertex.position);
@@ -461,7 +461,7 @@ impl Linker {
         let names = HalfEdgeNames::new(mesh.faces.len());
         let max = plan::max_blocks(names, self.numbering);
         self.counts.blocks += coarse.roots.len() as u64;
-        self.counts.pages += coarse.root_pages.len() as u64;
+        self.counts.pieces += coarse.roots.len() as u64;
         if self.counts.blocks > max {
             return Err(Error::TooLarge { nodes: self.counts.nodes, max });
         }
@@ -516,7 +516,7 @@ pub struct Linked {
     pub(crate) names: NameBounds,
     pub(crate) store: Store,
     pub(crate) log: Spool<LogEntry>,
-    pub(crate) sizes: Spool<PageSize>,
+    pub(crate) sizes: Spool<PieceSize>,
     pub(crate) colours: Option<Spool<LoggedColour>>,
     pub(crate) counts: Counts,
     pub(crate) coarse: Coarse,

@@ -29,15 +29,15 @@ pub(crate) struct LogEntry {
 
 const _: () = assert!(size_of::<LogEntry>() == 60);
 
-/// How large the page is that a child begins; in a spool beside the log, the left child's before the right one's.
+/// How large the piece is that a child begins; in a spool beside the log, the left child's before the right one's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub(crate) struct PageSize {
+pub(crate) struct PieceSize {
     pub nodes: u32,
     pub blocks: u32,
 }
 
-impl From<OpenPiece> for PageSize {
+impl From<OpenPiece> for PieceSize {
     fn from(piece: OpenPiece) -> Self {
         Self { nodes: piece.page_nodes, blocks: piece.page_blocks }
     }

@@ -2,7 +2,7 @@
 
 use bytemuck::Pod;
 use halfedge::HalfEdgeId;
-use mergetree::{Cut, HalfEdgeNames, NodeId};
+use mergetree::{Cut, HalfEdgeNames, NodeId, PackedPages};
 use scratch::{Piece, Spool, Store, StoreOptions};
 use xfm_format::{Encoding, Numbering, Totals, WriteOptions};
 
@@ -10,8 +10,9 @@ use crate::bucket::{Above, Buckets, PackedAbove, Placed, Side};
 use crate::coarse::Coarse;
 use crate::kept::Kept;
 use crate::link::Linked;
-use crate::log::{LogEntry, LoggedChild, LoggedColour, PageSize};
+use crate::log::{LogEntry, LoggedChild, LoggedColour, PieceSize};
 use crate::names::NONE;
+use crate::pack::{Packer, pack};
 use crate::plan::{NumberLoad, NumberPlan};
 use crate::progress::{Observer, Stage};
 use crate::{Error, RecordProblem};
@@ -36,33 +37,37 @@ struct Expected {
     above: PackedAbove,
     /// The id of the node; [`NONE`] when it begins a block, of which the number is not known yet.
     id: u32,
-    /// Which of the open pages it is in; [`NONE`] when nothing is waited for.
-    page: u32,
+    /// Which of the open pieces it is in; [`NONE`] when nothing is waited for.
+    piece: u32,
     /// Levels of the tree down to the node.
     depth: u32,
 }
 
-const NOTHING: Expected = Expected { above: PackedAbove::NOTHING, id: NONE, page: NONE, depth: 0 };
+const NOTHING: Expected = Expected { above: PackedAbove::NOTHING, id: NONE, piece: NONE, depth: 0 };
 
-/// A page of which nodes are still to come.
+/// A piece of a tree of which nodes are still to come.
 #[derive(Clone, Copy, Debug)]
-struct OpenPage {
-    /// The number of the next block of it that begins; [`NONE`] before the first one.
+struct OpenPiece {
+    /// The number of the next block of it that begins.
     next_block: u32,
     /// Blocks and nodes to come.
     blocks: u32,
     nodes: u32,
-    /// The bucket it is in; before its first block that of the node which it hangs under, if there is one.
     bucket: u32,
+    /// Before its first block the bucket of the node that it hangs under, if there is one.
+    above: u32,
+    /// What pieces below it are placed under.
+    draft: u32,
 }
 
 /// Where a node goes.
 struct At {
     id: NodeId,
-    page: u32,
-    /// Whether it is the last one of its page.
+    piece: u32,
+    /// Whether it is the last one of its piece.
     is_last: bool,
     bucket: u32,
+    draft: u32,
     depth: u32,
 }
 
@@ -77,10 +82,12 @@ struct Numberer<'a> {
     /// By name of a face: the final name of the half-edge that is its first one in the file, plus the corner that is that
     /// half-edge; [`NONE`] for a face that no collapse so far, and not the coarsest mesh, has.
     faces: Vec<u32>,
-    open: Vec<OpenPage>,
+    open: Vec<OpenPiece>,
     closed: Vec<u32>,
+    packer: Packer,
+    packed: &'a PackedPages,
     buckets: Buckets,
-    sizes: Back<PageSize>,
+    sizes: Back<PieceSize>,
     /// Where vertices have some.
     colours: Option<Back<LoggedColour>>,
     coarse: &'a mut Coarse,
@@ -116,14 +123,13 @@ impl<T: Pod> Back<T> {
 }
 
 impl Numberer<'_> {
-    /// Places the roots' pages, and names the faces of the coarsest mesh.
+    /// Places the roots' pieces, and names the faces of the coarsest mesh.
     fn begin(&mut self) -> Result<(), Error> {
-        for &PageSize { nodes, blocks } in &self.coarse.root_pages {
-            self.open.push(OpenPage { next_block: NONE, blocks, nodes, bucket: NONE });
-        }
-        for (number, root) in self.coarse.roots.iter().enumerate() {
+        for number in 0..self.coarse.roots.len() {
+            let root = self.coarse.roots[number];
             let above = Above::Root(number as u32).pack();
-            let expected = Expected { above, id: NONE, page: root.page, depth: 1 };
+            let piece = self.open_piece(0, None, root.size)?;
+            let expected = Expected { above, id: NONE, piece, depth: 1 };
             match self.vertices.get_mut(root.name as usize) {
                 Some(place) => *place = expected,
                 None => return Err(damaged(0, "a root without a name")),
@@ -143,7 +149,7 @@ impl Numberer<'_> {
         let wrong = |problem| Error::Record { order, problem };
         let [removed, kept] = [entry.removed().index(), entry.kept().index()];
         let expected = match self.vertices.get(kept) {
-            Some(expected) if expected.page != NONE => *expected,
+            Some(expected) if expected.piece != NONE => *expected,
             _ => return Err(damaged(order, "a node that nothing waits for")),
         };
         let at = self.locate(stores, order, &expected)?;
@@ -190,7 +196,7 @@ impl Numberer<'_> {
                 None => return Err(wrong(RecordProblem::Name)),
             }
         }
-        // The sizes of pages come back in the order opposite to that in which they went.
+        // The sizes of pieces come back in the order opposite to that in which they went.
         let id = at.id.get();
         let right_id = id + 1 + u32::from(inside[0]);
         let [left, right] = children;
@@ -198,7 +204,7 @@ impl Numberer<'_> {
         let left = self.expect(stores, order, &at, left, (id + 1, Side::Left))?;
         self.vertices[kept] = right;
         match self.vertices.get_mut(removed) {
-            Some(place) if place.page == NONE => *place = left,
+            Some(place) if place.piece == NONE => *place = left,
             _ => return Err(damaged(order, "a vertex that is removed twice")),
         }
         self.depth = self.depth.max(at.depth);
@@ -212,51 +218,45 @@ impl Numberer<'_> {
         order: u64,
         expected: &Expected,
     ) -> Result<At, Error> {
-        let number = expected.page;
-        let Some(page) = self.open.get_mut(number as usize) else {
-            return Err(damaged(order, "a page that is not open"));
+        let number = expected.piece;
+        let Some(piece) = self.open.get_mut(number as usize) else {
+            return Err(damaged(order, "a piece that is not open"));
         };
         let mut id = expected.id;
         if id == NONE {
-            let above = page.bucket;
-            if page.next_block == NONE {
-                let size = PageSize { nodes: page.nodes, blocks: page.blocks };
-                let new = self.buckets.begin_page(stores.buckets(), size);
-                let new = new.ok_or_else(|| damaged(order, "a page of a size that cannot be"))?;
-                page.next_block = new.first_block;
-                page.bucket = new.bucket;
-            }
-            page.blocks = match page.blocks.checked_sub(1) {
+            piece.blocks = match piece.blocks.checked_sub(1) {
                 Some(blocks) => blocks,
-                None => return Err(damaged(order, "a page with more blocks than were counted")),
+                None => return Err(damaged(order, "a piece with more blocks than were counted")),
             };
-            if page.next_block > self.max_node >> self.numbering.levels() {
+            if piece.next_block > self.max_node >> self.numbering.levels() {
                 return Err(damaged(order, "more blocks than were counted"));
             }
-            id = page.next_block << self.numbering.levels();
-            page.next_block += 1;
+            id = piece.next_block << self.numbering.levels();
+            piece.next_block += 1;
+            let above = std::mem::replace(&mut piece.above, piece.bucket);
             match expected.above.unpack() {
                 Some(Above::Root(root)) => self.coarse.set_root(root, NodeId::new(id)),
-                Some(parent) if above != page.bucket => {
+                Some(parent) if above != piece.bucket => {
                     let link = Placed::link(NodeId::new(id), parent);
                     self.buckets.push(stores.buckets(), above, &link)?;
                 }
                 _ => {}
             }
         }
-        let bucket = page.bucket;
-        page.nodes = match page.nodes.checked_sub(1) {
+        let (bucket, draft) = (piece.bucket, piece.draft);
+        piece.nodes = match piece.nodes.checked_sub(1) {
             Some(nodes) => nodes,
-            None => return Err(damaged(order, "a page with more nodes than were counted")),
+            None => return Err(damaged(order, "a piece with more nodes than were counted")),
         };
-        let is_last = page.nodes == 0;
+        let is_last = piece.nodes == 0;
         if is_last {
-            if page.blocks > 0 {
-                return Err(damaged(order, "a page with fewer blocks than were counted"));
+            if piece.blocks > 0 {
+                return Err(damaged(order, "a piece with fewer blocks than were counted"));
             }
             self.closed.push(number);
         }
-        Ok(At { id: NodeId::new(id), page: number, is_last, bucket, depth: expected.depth })
+        let id = NodeId::new(id);
+        Ok(At { id, piece: number, is_last, bucket, draft, depth: expected.depth })
     }
 
     /// What to wait for where a child of a node is to come, which would have the given id inside the node's block.
@@ -271,34 +271,48 @@ impl Numberer<'_> {
         let Some(child) = child else { return Ok(NOTHING) };
         let above = Above::Node(parent.id, side).pack();
         let depth = parent.depth.saturating_add(1);
-        let (id, page) = match child.cut {
+        let (id, piece) = match child.cut {
             Cut::None | Cut::Block if parent.is_last => {
-                return Err(damaged(order, "a page with more nodes than were counted"));
+                return Err(damaged(order, "a piece with more nodes than were counted"));
             }
-            Cut::None => (inside, parent.page),
-            Cut::Block => (NONE, parent.page),
+            Cut::None => (inside, parent.piece),
+            Cut::Block => (NONE, parent.piece),
             Cut::Page => {
                 let size = self.sizes.next(stores.log())?;
-                let size = size.ok_or_else(|| damaged(order, "a page without a size"))?;
-                let PageSize { nodes, blocks } = size;
-                let page = OpenPage { next_block: NONE, blocks, nodes, bucket: parent.bucket };
-                (NONE, self.open_page(page))
+                let size = size.ok_or_else(|| damaged(order, "a piece without a size"))?;
+                (NONE, self.open_piece(order, Some(parent), size)?)
             }
         };
-        Ok(Expected { above, id, page, depth })
+        Ok(Expected { above, id, piece, depth })
     }
 
-    fn open_page(&mut self, page: OpenPage) -> u32 {
-        match self.closed.pop() {
+    fn open_piece(
+        &mut self,
+        order: u64,
+        parent: Option<&At>,
+        size: PieceSize,
+    ) -> Result<u32, Error> {
+        let place = self.packer.place(order, parent.map(|parent| parent.draft), size)?;
+        let block = self.packed.block(place);
+        let (page, next_block) = block.ok_or_else(|| damaged(order, "a piece without a page"))?;
+        let piece = OpenPiece {
+            next_block,
+            blocks: size.blocks,
+            nodes: size.nodes,
+            bucket: self.buckets.of_page(page),
+            above: parent.map_or(NONE, |parent| parent.bucket),
+            draft: place.draft,
+        };
+        Ok(match self.closed.pop() {
             Some(number) => {
-                self.open[number as usize] = page;
+                self.open[number as usize] = piece;
                 number
             }
             None => {
-                self.open.push(page);
+                self.open.push(piece);
                 self.open.len() as u32 - 1
             }
-        }
+        })
     }
 
     /// The final name of a half-edge.
@@ -330,7 +344,7 @@ impl Numberer<'_> {
 }
 
 #[cold]
-fn damaged(order: u64, what: &'static str) -> Error {
+pub(crate) fn damaged(order: u64, what: &'static str) -> Error {
     Error::Damaged { order, what }
 }
 
@@ -383,7 +397,6 @@ impl Linked {
         NumberLoad {
             names: self.names,
             nodes: self.counts.nodes,
-            pages: self.counts.pages,
             page_nodes: self.write.page_nodes as u64,
             base_vertices: self.coarse.base.vertices.len(),
             base_faces: self.coarse.base.faces.len(),
@@ -413,7 +426,8 @@ impl Linked {
         options: &NumberOptions,
         observer: &mut Observer<'_>,
     ) -> Result<Numbered, Error> {
-        let plan = NumberPlan::new(options.memory_bytes, &self.load())?;
+        let load = self.load();
+        let plan = NumberPlan::new(options.memory_bytes, &load)?;
         let Self {
             scratch,
             write,
@@ -434,6 +448,17 @@ impl Linked {
             stores.buckets = Some(Store::new(&scratch, &options));
         }
         stores.buckets().set_memory_bytes(plan.held);
+        let new_packer = || {
+            let [piece_nodes, page_nodes] = [write.piece_nodes(), write.page_nodes];
+            Packer::new(piece_nodes as u32, page_nodes as u32, NumberPlan::max_drafts(&load))
+        };
+        let packed =
+            pack((&log, &sizes, stores.log()), &coarse, bounds.vertices, new_packer(), observer)?;
+        let num_blocks: u64 = packed.pages.iter().map(|page| u64::from(page.blocks)).sum();
+        if num_blocks != counts.blocks {
+            return Err(damaged(0, "more or fewer blocks than were counted"));
+        }
+        let num_pages = packed.pages.len() as u64;
         let numbering = Numbering::new(write.levels);
         let names = coarse.base.names();
         let mut numberer = Numberer {
@@ -444,7 +469,9 @@ impl Linked {
             faces: vec![NONE; bounds.faces as usize],
             open: Vec::new(),
             closed: Vec::new(),
-            buckets: Buckets::new(numbering, write.page_nodes as u32, plan.bucket_nodes),
+            packer: new_packer(),
+            packed: &packed,
+            buckets: Buckets::new(stores.buckets(), numbering, &packed.pages, plan.bucket_nodes),
             sizes: Back::new(sizes),
             colours: colours.map(Back::new),
             coarse: &mut coarse,
@@ -463,14 +490,11 @@ impl Linked {
         }
         piece.clear(stores.log());
         numberer.check_end(stores.log(), order)?;
-        if numberer.buckets.counts() != (counts.blocks, counts.pages) {
-            return Err(damaged(0, "blocks or pages that did not come"));
-        }
         let Numberer { buckets, depth, .. } = numberer;
         let totals = Totals {
             nodes: counts.nodes,
             blocks: counts.blocks,
-            pages: counts.pages,
+            pages: num_pages,
             input_triangles: counts.faces + coarse.base.faces.len() as u64,
             tree_depth: depth.into(),
             bounds: counts.bounds(),

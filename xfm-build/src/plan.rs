@@ -3,15 +3,15 @@
 //! | stage | bytes |
 //! | --- | --- |
 //! | link | tables: 36 per name of a vertex, an eighth per name of a face; [`BUFFERS`] chunks; a reserve; the rest holds the log |
-//! | number | tables: 36 per name of a vertex, 4 per name of a face; [`BUFFERS`] chunks; a chunk per bucket; what is held |
+//! | number | tables: 40 per name of a vertex, 4 per name of a face; [`BUFFERS`] chunks; a chunk per bucket; what is held |
 //! | write | two buckets, [`BUCKET_NODE_BYTES`] per node; 64 pages and their encoders; what is held |
 //!
 //! Where vertices have colours, the log, the buckets and their pages take 4 bytes per node more, and another chunk each.
 //!
-//! Beside these, what grows with the number of nodes, slowly: lists of chunks and pages, together less than half a byte per
+//! Beside these, what grows with the number of nodes, slowly: lists of chunks and pages, together about a byte per
 //! node; and the coarsest mesh. While linking these come out of the reserve, and it is an error when they do not fit into it.
 
-use mergetree::{CutRule, HalfEdgeNames};
+use mergetree::{CutRule, HalfEdgeNames, PagePacker};
 use xfm_format::{Numbering, WriteOptions};
 
 use crate::Error;
@@ -22,8 +22,8 @@ use crate::names::{MAX_VERTEX, NameBounds};
 
 /// Of a vertex' table entry while linking.
 pub(crate) const TOP_BYTES: u64 = 32;
-/// Of a vertex' table entry while numbering, with the page that may be open for it.
-const EXPECTED_BYTES: u64 = 16 + 20;
+/// Of a vertex' table entry while numbering, with the piece that may be open for it. While pieces are packed it is less.
+const EXPECTED_BYTES: u64 = 16 + 24;
 /// Of a colour, where vertices have some: in the log, in a bucket, and in pages.
 const COLOUR_BYTES: u64 = 4;
 /// Of a face's.
@@ -36,6 +36,8 @@ const BUFFERS: u64 = 8;
 const CHUNK_LIST_BYTES: u64 = 36;
 /// For each page its size, its entry in the page index, and its share of the page index when that is encoded.
 const PAGE_LIST_BYTES: u64 = 192;
+/// For each page that pieces are packed into, twice: a page of the file is up to a few of these.
+const DRAFT_BYTES: u64 = 2 * PagePacker::PAGE_BYTES as u64;
 /// For each vertex and face of the coarsest mesh while it is taken over.
 const LINK_BASE_VERTEX_BYTES: u64 = 80;
 const LINK_BASE_FACE_BYTES: u64 = 24;
@@ -151,7 +153,6 @@ pub(crate) struct NumberPlan {
 pub(crate) struct NumberLoad {
     pub names: NameBounds,
     pub nodes: u64,
-    pub pages: u64,
     pub page_nodes: u64,
     pub base_vertices: usize,
     pub base_faces: usize,
@@ -166,14 +167,17 @@ pub(crate) struct NumberLoad {
 impl NumberPlan {
     /// Bytes of memory that are taken with buckets of so many nodes.
     fn needed(load: &NumberLoad, bucket_nodes: u64) -> u64 {
-        let NumberLoad { names, nodes, pages, page_nodes, chunk_bytes, held, threads, .. } = *load;
+        let NumberLoad { names, nodes, page_nodes, chunk_bytes, held, threads, .. } = *load;
         // Of the log at first and of the buckets in the end, and never of both.
         let colour = colour_bytes(load.colours);
         let chunks = (size_of::<LogEntry>() as u64 + colour) * nodes / chunk_bytes;
         let buckets = nodes.div_ceil(bucket_nodes) + 1;
         // With colours two of each.
         let spools = if load.colours { 2 * buckets } else { buckets };
-        let lists = CHUNK_LIST_BYTES * (chunks + 64 * spools) + PAGE_LIST_BYTES * pages;
+        let drafts = Self::max_drafts(load);
+        let lists = CHUNK_LIST_BYTES * (chunks + 64 * spools)
+            + PAGE_LIST_BYTES * drafts / 2
+            + DRAFT_BYTES * drafts;
         let base = (BASE_VERTEX_BYTES + 2 * colour) * load.base_vertices as u64
             + BASE_FACE_BYTES * load.base_faces as u64;
         let buffers = BUFFERS + 2 * u64::from(load.colours);
@@ -184,6 +188,11 @@ impl NumberPlan {
         let encoding = (PAGES_BYTES + 64 * 4 * colour) * page_nodes + ENCODER_BYTES * threads;
         let writing = encoding + 2 * (BUCKET_NODE_BYTES + colour) * bucket_nodes;
         fixed + numbering.max(writing)
+    }
+
+    /// Pages that pieces may be packed into, before small ones share one: of balanced trees there are half as many.
+    pub fn max_drafts(load: &NumberLoad) -> u64 {
+        64 + 4 * load.nodes / load.page_nodes.max(1) + load.base_vertices as u64
     }
 
     /// Sizes that buckets may have: from a page on.
@@ -226,5 +235,5 @@ pub(crate) fn max_blocks(names: HalfEdgeNames, numbering: Numbering) -> u64 {
 }
 
 pub(crate) fn cut_rule(options: &WriteOptions) -> CutRule {
-    CutRule { block_nodes: (1 << options.levels) - 1, page_nodes: options.page_nodes as u32 }
+    CutRule { block_nodes: (1 << options.levels) - 1, page_nodes: options.piece_nodes() as u32 }
 }

@@ -162,7 +162,8 @@ impl MeshOptions {
         };
         let triangles = buffer.max(64);
         let vertices = match mode {
-            Mode::Streaming => triangles / 4 * 3,
+            // Of a mesh that fits there may be as many as there is memory for: up to three of each triangle.
+            Mode::Streaming => (most.max(triangles) / 4 * 3).min(triangles.saturating_mul(3)),
             // There may be three of a triangle, but no more than there is memory for.
             Mode::InCore => {
                 let for_vertices =

@@ -243,7 +243,7 @@ fn go_on_in_core(mesh: &Mesh) {
     std::fs::remove_file(place.file()).unwrap();
     options.keep = resuming().keep;
     let mut runs = 0;
-    while build(mesh, &place, &options, 8 + 4 * runs).is_err() {
+    while build(mesh, &place, &options, 8 + 8 * runs).is_err() {
         assert_eq!(place.left(), ["a.log", "a.state"]);
         runs += 1;
         assert!(runs < 100);

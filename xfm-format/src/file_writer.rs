@@ -37,6 +37,11 @@ pub struct WriteOptions {
     pub position_error: PositionError,
     /// Nodes per page at most, 64 to 65536; a page is what is read, unpacked and checked at once. Default 1024.
     pub page_nodes: usize,
+    /// Nodes at most of a connected piece of a tree that lies in one page as a whole, up to `page_nodes`; a page holds pieces
+    /// that hang under the same page. Small ones have a view touch few pages: to show a level of detail takes about half as
+    /// many nodes more as a piece has. Large ones make the encoding [`Encoding::Compact`] smaller. By default blocks for
+    /// [`Encoding::Exact`], 200 for the other.
+    pub piece_nodes: Option<usize>,
     /// Where the origin of the positions lies in the frame of the input, in model units. Default zero.
     pub origin: DVec3,
     /// Precision of the coordinates of the input. Default [`Precision::Single`].
@@ -76,6 +81,7 @@ impl Default for WriteOptions {
             encoding: Encoding::Exact,
             position_error: PositionError::default(),
             page_nodes: 1024,
+            piece_nodes: None,
             origin: DVec3::ZERO,
             precision: Precision::Single,
         }
@@ -91,6 +97,7 @@ impl WriteOptions {
         for (name, value, min, max) in [
             ("levels per block", u64::from(self.levels), 1, 5),
             ("nodes per page", self.page_nodes as u64, 64, 65536),
+            ("nodes per piece", self.piece_nodes() as u64, 1, self.page_nodes as u64),
         ] {
             if !(min..=max).contains(&value) {
                 return Err(Error::Option { name, value, min, max });
@@ -98,9 +105,20 @@ impl WriteOptions {
         }
         let (PositionError::OfDiagonal(error) | PositionError::Units(error)) = self.position_error;
         if !(error > 0.0 && error < MAX_ERROR) {
-            return Err(Error::PositionError { what: "is not a number above zero" });
+            return Err(Error::PositionError {
+                what: "is not a number above zero and below 10^29",
+            });
         }
         Ok(())
+    }
+
+    /// Nodes of a piece at most: those asked for, or the default.
+    pub fn piece_nodes(&self) -> usize {
+        let default = match self.encoding {
+            Encoding::Exact => (1 << self.levels.min(5)) - 1,
+            Encoding::Compact => 200,
+        };
+        self.piece_nodes.unwrap_or(default.min(self.page_nodes))
     }
 
     /// What nodes are to be rounded to before they are written.

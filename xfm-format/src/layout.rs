@@ -1,14 +1,18 @@
 //! Which block and page every node of a forest goes to, and the ids that follow.
 
-use mergetree::{BoundCodes, Bounded, Cut, CutRule, Forest, Node, NodeId, OpenPiece};
+use mergetree::{
+    BoundCodes, Bounded, Cut, CutRule, DraftPlace, Forest, Node, NodeId, OpenPiece, PackedPage,
+    PagePacker,
+};
 
 use crate::numbering::{BlockId, Numbering};
 use crate::rounding::Rounding;
 
 /// Where every node of a forest goes.
 ///
-/// Blocks and pages are connected pieces as [`CutRule`] makes them; the roots' pages are shared. Pages are numbered in
-/// the order in which a walk through the collapses from the last to the first meets them, and so are the blocks of each.
+/// Trees are cut into pieces, and these into blocks, as [`CutRule`] says; pieces share pages as [`PagePacker`] says, which is
+/// told of them by a walk through the collapses from the last to the first. In this order, too, the blocks of a piece get
+/// their numbers.
 #[derive(Debug)]
 pub(crate) struct Layout {
     pub pages: Vec<PageSpan>,
@@ -20,6 +24,13 @@ pub(crate) struct Layout {
     pub new_id: Vec<NodeId>,
     /// The bounds of a node of the forest, as the file has them.
     pub codes: Vec<BoundCodes>,
+}
+
+/// How large pieces of trees and pages are at most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct CutSizes {
+    pub piece_nodes: u32,
+    pub page_nodes: u32,
 }
 
 /// The blocks of a page.
@@ -37,36 +48,38 @@ pub(crate) struct NotAForest {
 }
 
 impl Layout {
-    /// Lays out a forest in pages of at most `page_nodes` nodes.
+    /// Lays out a forest.
     ///
     /// # Complexity
     /// Time and memory linear in the number of nodes: 35 bytes per node while it works, 14 of them in the result.
     pub fn new(
         forest: &Forest,
         numbering: Numbering,
-        page_nodes: u32,
+        cut: CutSizes,
         rounding: Rounding,
     ) -> Result<Self, NotAForest> {
         let by_order = check(forest)?;
         let codes = bound_codes(forest, &by_order, rounding)?;
-        let rule = CutRule { block_nodes: numbering.slots(), page_nodes };
-        let pieces = Pieces::new(forest, &by_order, rule);
+        let rule = CutRule { block_nodes: numbering.slots(), page_nodes: cut.piece_nodes };
+        let mut pieces = Pieces::new(forest, &by_order, rule);
+        let (first_blocks, pages) = pieces.pack(forest, &by_order, cut.page_nodes);
+        let num_blocks = pages.last().map_or(0, |page| page.first_block + page.num_blocks);
+        let max_node = forest.base.names().max_node().get();
+        if u64::from(num_blocks) << numbering.levels() > u64::from(max_node) {
+            return Err(NotAForest { node: 0, message: "has no id of 32 bits left" });
+        }
         let mut walk = Walk {
             forest,
             numbering,
             pieces: &pieces,
             new_id: vec![NodeId::new(0); forest.nodes.len()],
-            sizes: Vec::new(),
-            page_of_block: Vec::new(),
-            pages: Vec::new(),
-            placed: Vec::new(),
-            roots_page: None,
-            shared: pieces.shared.iter(),
+            sizes: vec![0; num_blocks as usize],
+            next_block: first_blocks,
         };
         for &id in by_order.iter().rev() {
-            walk.place(id)?;
+            walk.place(id);
         }
-        let Walk { new_id, sizes, pages, .. } = walk;
+        let Walk { new_id, sizes, .. } = walk;
         let mut starts = Vec::with_capacity(sizes.len() + 1);
         let mut start = 0;
         starts.push(start);
@@ -87,8 +100,8 @@ impl Layout {
 struct Pieces {
     begins: Vec<Cut>,
     open: Vec<OpenPiece>,
-    /// Number of blocks of each page that roots are in.
-    shared: Vec<u32>,
+    /// Per node the piece it is in, in the order in which they are packed.
+    piece: Vec<u32>,
 }
 
 impl Pieces {
@@ -108,20 +121,49 @@ impl Pieces {
                 }
             }
         }
+        for root in forest.base.roots() {
+            begins[root.index()] = Cut::Page;
+        }
+        Self { begins, open, piece: vec![0; forest.nodes.len()] }
+    }
+
+    /// Puts all pieces into pages, those of the roots first, in descending order; then those that begin with a child of each
+    /// node, the right one first. Returns the number of the first block of each piece, and the pages.
+    fn pack(
+        &mut self,
+        forest: &Forest,
+        by_order: &[NodeId],
+        page_nodes: u32,
+    ) -> (Vec<u32>, Vec<PageSpan>) {
+        let mut packer = PagePacker::new(page_nodes);
+        let mut places: Vec<DraftPlace> = Vec::new();
+        let Self { begins, open, piece } = self;
         let mut roots: Vec<NodeId> = forest.base.roots().collect();
         roots.sort_unstable_by_key(|root| std::cmp::Reverse(forest.nodes[root.index()].order));
-        let mut shared = Vec::new();
-        let new_pages = rule.gather(roots.iter().map(|root| open[root.index()]));
-        for (root, is_new) in roots.iter().zip(new_pages) {
-            begins[root.index()] = if is_new { Cut::Page } else { Cut::Block };
-            if is_new {
-                shared.push(0);
-            }
-            if let Some(blocks) = shared.last_mut() {
-                *blocks += open[root.index()].page_blocks;
+        for root in roots {
+            let OpenPiece { page_nodes, page_blocks, .. } = open[root.index()];
+            piece[root.index()] = places.len() as u32;
+            places.push(packer.place(None, page_nodes, page_blocks));
+        }
+        for &id in by_order.iter().rev() {
+            let Node { left, right, .. } = forest.nodes[id.index()];
+            let above = piece[id.index()];
+            for child in [right, left].into_iter().flatten() {
+                let child = child.index();
+                piece[child] = above;
+                if begins[child] == Cut::Page {
+                    let OpenPiece { page_nodes, page_blocks, .. } = open[child];
+                    piece[child] = places.len() as u32;
+                    let above = places[above as usize].draft;
+                    places.push(packer.place(Some(above), page_nodes, page_blocks));
+                }
             }
         }
-        Self { begins, open, shared }
+        let packed = packer.finish();
+        let first_blocks = places.iter().filter_map(|&place| packed.block(place));
+        let span =
+            |page: &PackedPage| PageSpan { first_block: page.first_block, num_blocks: page.blocks };
+        (first_blocks.map(|(_, block)| block).collect(), packed.pages.iter().map(span).collect())
     }
 }
 
@@ -133,45 +175,24 @@ struct Walk<'a> {
     new_id: Vec<NodeId>,
     /// Nodes of each block.
     sizes: Vec<u8>,
-    page_of_block: Vec<u32>,
-    pages: Vec<PageSpan>,
-    /// Per page how many of its blocks have their number.
-    placed: Vec<u32>,
-    /// The page that roots are gathered in.
-    roots_page: Option<u32>,
-    shared: std::slice::Iter<'a, u32>,
+    /// Per piece the number of its next block.
+    next_block: Vec<u32>,
 }
 
 impl Walk<'_> {
-    fn place(&mut self, id: NodeId) -> Result<(), NotAForest> {
-        let Pieces { begins, open, .. } = self.pieces;
+    fn place(&mut self, id: NodeId) {
+        let Pieces { begins, open, piece } = self.pieces;
         let node = id.index();
-        let parent = self.forest.nodes[node].parent;
-        let piece = open[node];
-        let page = match (begins[node], parent) {
-            (Cut::None, Some(parent)) => {
-                self.new_id[node] = self.beside(parent, id);
-                return Ok(());
+        self.new_id[node] = match (begins[node], self.forest.nodes[node].parent) {
+            (Cut::None, Some(parent)) => self.beside(parent, id),
+            _ => {
+                let next = &mut self.next_block[piece[node] as usize];
+                let block = *next;
+                *next += 1;
+                self.sizes[block as usize] = open[node].block_nodes;
+                self.numbering.node(BlockId::new(block), 0)
             }
-            (Cut::Block, Some(parent)) => {
-                let block = self.numbering.block(self.new_id[parent.index()]);
-                self.page_of_block[block.index()]
-            }
-            (Cut::Page, Some(_)) => self.begin_page(node, piece.page_blocks)?,
-            (begins, None) => match self.roots_page.filter(|_| begins != Cut::Page) {
-                Some(page) => page,
-                None => {
-                    let blocks = self.shared.next().copied().unwrap_or_default();
-                    let page = self.begin_page(node, blocks)?;
-                    *self.roots_page.insert(page)
-                }
-            },
         };
-        let block = self.pages[page as usize].first_block + self.placed[page as usize];
-        self.placed[page as usize] += 1;
-        self.sizes[block as usize] = piece.block_nodes;
-        self.new_id[node] = self.numbering.node(BlockId::new(block), 0);
-        Ok(())
     }
 
     /// The id of a node in the block of its parent: after it, and after what hangs on its left there.
@@ -183,20 +204,6 @@ impl Walk<'_> {
             _ => 0,
         };
         NodeId::new(self.new_id[parent.index()].get() + 1 + u32::from(on_the_left))
-    }
-
-    fn begin_page(&mut self, node: usize, num_blocks: u32) -> Result<u32, NotAForest> {
-        let page = self.pages.len() as u32;
-        let first_block = self.sizes.len() as u32;
-        let end = u64::from(first_block) + u64::from(num_blocks);
-        if end << self.numbering.levels() > u64::from(self.forest.base.names().max_node().get()) {
-            return Err(NotAForest { node, message: "has no id of 32 bits left" });
-        }
-        self.pages.push(PageSpan { first_block, num_blocks });
-        self.placed.push(0);
-        self.sizes.resize(end as usize, 0);
-        self.page_of_block.resize(end as usize, page);
-        Ok(page)
     }
 }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::error::Error;
 use crate::file_writer::{BATCH_PAGES, FileWriter, Totals, WriteOptions, WriteReport};
 use crate::header::Encoding;
-use crate::layout::{Layout, NotAForest, PageSpan};
+use crate::layout::{CutSizes, Layout, NotAForest, PageSpan};
 use crate::numbering::{BlockId, Numbering};
 use crate::page::Page;
 use crate::rounding::Rounding;
@@ -49,8 +49,11 @@ pub fn write(
         let message = "is one of a forest with colours for some vertices only";
         return Err(invalid(NotAForest { node: forest.nodes.len().saturating_sub(1), message }));
     }
-    let layout =
-        Layout::new(forest, numbering, options.page_nodes as u32, rounding).map_err(invalid)?;
+    let sizes = CutSizes {
+        piece_nodes: options.piece_nodes() as u32,
+        page_nodes: options.page_nodes as u32,
+    };
+    let layout = Layout::new(forest, numbering, sizes, rounding).map_err(invalid)?;
     let mut base = forest.base.clone();
     for (number, vertex) in base.vertices.iter_mut().enumerate() {
         // What is not finite is refused later.

@@ -5,7 +5,7 @@ mod common;
 use std::collections::{BTreeMap, BTreeSet};
 
 use common::{collapse, sheet, torus};
-use mergetree::{Forest, NodeId};
+use mergetree::{DraftPlace, Forest, NodeId, PagePacker};
 use proptest::prelude::*;
 use xfm_format::{WriteOptions, XfmFile, write};
 
@@ -13,34 +13,28 @@ use xfm_format::{WriteOptions, XfmFile, write};
 struct Naive<'a> {
     forest: &'a Forest,
     by_order: Vec<NodeId>,
-    new_page: BTreeSet<NodeId>,
+    new_piece: BTreeSet<NodeId>,
     new_block: BTreeSet<NodeId>,
 }
 
 impl<'a> Naive<'a> {
-    fn new(forest: &'a Forest, block_nodes: usize, page_nodes: usize) -> Self {
+    fn new(forest: &'a Forest, block_nodes: usize, piece_nodes: usize) -> Self {
         let mut by_order: Vec<NodeId> = (0..forest.nodes.len()).map(NodeId::from_index).collect();
         by_order.sort_by_key(|id| forest.nodes[id.index()].order);
         let mut naive =
-            Self { forest, by_order, new_page: BTreeSet::new(), new_block: BTreeSet::new() };
-        naive.new_page = naive.cut(BTreeSet::new(), page_nodes);
-        naive.new_block = naive.cut(naive.new_page.clone(), block_nodes);
-        // Roots share pages while they fit, one after the other.
-        let mut used = None;
-        let by_order = naive.by_order.clone();
-        for &root in by_order.iter().rev() {
-            if forest.nodes[root.index()].parent.is_some() {
-                continue;
-            }
-            naive.new_block.insert(root);
-            let size = naive.size(root, &naive.new_page);
-            used = used.map(|used| used + size).filter(|&used| used <= page_nodes);
-            if used.is_none() {
-                naive.new_page.insert(root);
-                used = Some(size);
-            }
-        }
+            Self { forest, by_order, new_piece: BTreeSet::new(), new_block: BTreeSet::new() };
+        naive.new_piece = naive.cut(BTreeSet::new(), piece_nodes);
+        naive.new_block = naive.cut(naive.new_piece.clone(), block_nodes);
+        let roots = naive.roots();
+        naive.new_piece.extend(&roots);
+        naive.new_block.extend(&roots);
         naive
+    }
+
+    /// From the last collapse on.
+    fn roots(&self) -> Vec<NodeId> {
+        let is_root = |id: &NodeId| self.forest.nodes[id.index()].parent.is_none();
+        self.by_order.iter().rev().copied().filter(is_root).collect()
     }
 
     fn children(&self, id: NodeId) -> impl Iterator<Item = NodeId> + use<> {
@@ -68,32 +62,46 @@ impl<'a> Naive<'a> {
     }
 
     /// The topmost node of the piece.
-    fn top(&self, mut id: NodeId, cut: &BTreeSet<NodeId>) -> NodeId {
-        while !cut.contains(&id) {
-            match self.forest.nodes[id.index()].parent {
-                Some(parent) => id = parent,
-                // A root that shares the page of the one collapsed next.
-                None => {
-                    let after = self.by_order.iter().skip_while(|&&other| other != id).skip(1);
-                    let is_root = |id: &&NodeId| self.forest.nodes[id.index()].parent.is_none();
-                    id = *after.into_iter().find(is_root).unwrap();
-                }
-            }
+    fn top(&self, mut id: NodeId) -> NodeId {
+        while !self.new_piece.contains(&id) {
+            id = self.forest.nodes[id.index()].parent.unwrap();
         }
         id
     }
 
     /// Per page in order, per block in order, the orders of its nodes in order of their slots.
-    fn pages(&self) -> Vec<Vec<Vec<u32>>> {
-        let order = |id: NodeId| self.forest.nodes[id.index()].order;
-        let mut pages: BTreeMap<u32, BTreeMap<u32, Vec<u32>>> = BTreeMap::new();
-        for &first in &self.new_block {
-            let mut nodes = Vec::new();
-            self.preorder(first, &mut nodes);
-            let page = pages.entry(order(self.top(first, &self.new_page))).or_default();
-            page.insert(order(first), nodes);
+    fn pages(&self, page_nodes: usize) -> Vec<Vec<Vec<u32>>> {
+        let mut blocks: BTreeMap<NodeId, Vec<NodeId>> = BTreeMap::new();
+        // In descending order.
+        for &id in self.by_order.iter().rev().filter(|id| self.new_block.contains(id)) {
+            blocks.entry(self.top(id)).or_default().push(id);
         }
-        pages.into_values().rev().map(|page| page.into_values().rev().collect()).collect()
+        let mut packer = PagePacker::new(page_nodes as u32);
+        let mut places: BTreeMap<NodeId, DraftPlace> = BTreeMap::new();
+        let mut place = |piece: NodeId, above: Option<NodeId>| {
+            let above = above.map(|above| places[&self.top(above)].draft);
+            let nodes = self.size(piece, &self.new_piece) as u32;
+            let place = packer.place(above, nodes, blocks[&piece].len() as u32);
+            places.insert(piece, place);
+        };
+        self.roots().into_iter().for_each(|root| place(root, None));
+        for &id in self.by_order.iter().rev() {
+            let children: Vec<NodeId> = self.children(id).collect();
+            for child in children.into_iter().rev().filter(|child| self.new_piece.contains(child)) {
+                place(child, Some(id));
+            }
+        }
+        let packed = packer.finish();
+        let mut pages: Vec<BTreeMap<u32, Vec<u32>>> = vec![BTreeMap::new(); packed.pages.len()];
+        for (piece, place) in places {
+            let (page, first) = packed.block(place).unwrap();
+            for (number, &block) in (first..).zip(&blocks[&piece]) {
+                let mut nodes = Vec::new();
+                self.preorder(block, &mut nodes);
+                pages[page as usize].insert(number, nodes);
+            }
+        }
+        pages.into_iter().map(|page| page.into_values().collect()).collect()
     }
 
     fn preorder(&self, id: NodeId, nodes: &mut Vec<u32>) {
@@ -104,12 +112,18 @@ impl<'a> Naive<'a> {
     }
 }
 
-fn check(forest: &Forest, levels: u32, page_nodes: usize) -> Result<(), TestCaseError> {
+fn check(
+    forest: &Forest,
+    levels: u32,
+    piece_nodes: usize,
+    page_nodes: usize,
+) -> Result<(), TestCaseError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.xfm");
     let mut options = WriteOptions::default();
     options.levels = levels;
     options.page_nodes = page_nodes;
+    options.piece_nodes = Some(piece_nodes);
     write(forest, &path, &options).unwrap();
     let file = XfmFile::open(&path).unwrap();
     let pages: Vec<Vec<Vec<u32>>> = (0..file.num_pages())
@@ -120,7 +134,8 @@ fn check(forest: &Forest, levels: u32, page_nodes: usize) -> Result<(), TestCase
             page.blocks().map(orders).collect()
         })
         .collect();
-    prop_assert_eq!(pages, Naive::new(forest, (1 << levels) - 1, page_nodes).pages());
+    let naive = Naive::new(forest, (1 << levels) - 1, piece_nodes);
+    prop_assert_eq!(pages, naive.pages(page_nodes));
     Ok(())
 }
 
@@ -134,9 +149,10 @@ proptest! {
         tries in 0usize..4000,
         seed in any::<u64>(),
         levels in 1u32..=5,
+        piece_nodes in 1usize..120,
         page_nodes in 64usize..200,
     ) {
         let soup = if open { sheet(size) } else { torus(size) };
-        check(&collapse(&soup, tries, seed), levels, page_nodes)?;
+        check(&collapse(&soup, tries, seed), levels, piece_nodes.min(page_nodes), page_nodes)?;
     }
 }

@@ -46,30 +46,20 @@ fn check(forest: &Forest, options: &WriteOptions) -> Result<(), TestCaseError> {
         prop_assert!(node.deviation <= original.deviation * 1.004);
     }
 
-    // Pages hold the blocks that the index says, and nodes know their place. Pages, and blocks in each, follow the collapses
-    // backwards; a page is a piece of a tree, or some of a root each.
+    // Pages hold the blocks that the index says, and nodes know their place. No page comes before one that it hangs under, nor a
+    // block.
     let numbering = file.numbering();
     let mut next = 0;
-    let mut last_page = u32::MAX;
     for number in 0..file.num_pages() {
         let page = file.read_page(number).unwrap();
-        let first_order = page.nodes()[0].order;
-        prop_assert!(first_order < last_page);
-        last_page = first_order;
-        let mut last_block = u32::MAX;
         for block in page.blocks() {
             prop_assert_eq!(block.id, BlockId::new(next));
             prop_assert_eq!(file.block_page(block.id), Some(number));
             prop_assert_eq!(page.block(block.id), Some(block));
             let first = block.node(0).unwrap();
             prop_assert_eq!(first.parent, block.parent());
-            prop_assert!(first.order < last_block);
-            last_block = first.order;
-            let parent_page = first.parent.and_then(|p| file.block_page(numbering.block(p)));
-            prop_assert!(
-                parent_page
-                    .is_none_or(|p| p == number || p < number && block.id == page.first_block())
-            );
+            let parent = first.parent.map(|parent| numbering.block(parent));
+            prop_assert!(parent.is_none_or(|parent| parent < block.id));
             prop_assert!(block.nodes.len() <= numbering.slots() as usize);
             for slot in 0..32 {
                 prop_assert_eq!(block.node(slot), block.nodes.get(slot as usize));
@@ -320,7 +310,8 @@ fn a_larger_forest_has_full_pages_and_short_paths() {
         pages.len()
     };
     let deepest = (0..file.num_blocks()).step_by(97).map(|b| pages_above(BlockId::from_index(b)));
-    assert!(deepest.max().unwrap() <= 6);
+    let deepest = deepest.max().unwrap();
+    assert!(deepest <= 12, "{deepest}");
 }
 
 #[test]

@@ -30,7 +30,7 @@ fn bytes_under(heading: &str) -> Vec<u8> {
 
 #[test]
 fn the_bytes_of_the_example_are_a_file() {
-    let bytes = bytes_under("## 9. A whole file");
+    let bytes = bytes_under("## 10. A whole file");
     assert_eq!(bytes.len(), 639);
     let file = XfmFile::from_storage(Box::new(bytes.clone()), "example.xfm").unwrap();
     assert!(verify(&file, |_| {}).is_ok());
@@ -105,7 +105,7 @@ fn rounded(page: &Page, rounding: Rounding, levels: u32) -> Page {
 
 #[test]
 fn the_bytes_of_the_compact_example_are_its_page() {
-    let exact = bytes_under("## 9. A whole file");
+    let exact = bytes_under("## 10. A whole file");
     let file = XfmFile::from_storage(Box::new(exact), "example.xfm").unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("example.xfm");

@@ -33,6 +33,8 @@ pub(crate) struct Arena {
     num_used: usize,
     /// Per chunk the colours of its nodes, where nodes have some.
     colours: Option<Vec<Box<[Colour]>>>,
+    /// The chunk that a run was put into last: while memory grows, the next one fits there, too.
+    last: usize,
 }
 
 impl Arena {
@@ -89,18 +91,30 @@ impl Arena {
     }
 
     fn find(&self, length: usize) -> Option<usize> {
-        self.longest.iter().position(|&longest| usize::from(longest) >= length)
-    }
-
-    /// Whether a run of this length would get a place in a chunk before the one of `at`.
-    pub fn fits_before(&self, at: u32, length: usize) -> bool {
-        self.find(length).is_some_and(|chunk| chunk < at as usize / CHUNK_NODES)
+        let fits = |&longest: &u8| usize::from(longest) >= length;
+        match self.longest.get(self.last) {
+            Some(longest) if fits(longest) => Some(self.last),
+            _ => self.longest.iter().position(|longest| fits(longest)),
+        }
     }
 
     /// Stores a run of nodes, at most 31, with their colours where nodes have some, and says where.
     pub fn insert(&mut self, nodes: &[Node], colours: &[Colour]) -> u32 {
         debug_assert!((1..=MAX_RUN).contains(&nodes.len()));
         let index = self.find(nodes.len()).unwrap_or_else(|| self.grow());
+        self.insert_into(index, nodes, colours)
+    }
+
+    /// Stores a run of nodes in the first chunk that has room for it, if that comes before the one of `at`, and says where.
+    pub fn insert_before(&mut self, at: u32, nodes: &[Node], colours: &[Colour]) -> Option<u32> {
+        let fits = |&longest: &u8| usize::from(longest) >= nodes.len();
+        let chunks = &self.longest[..(at as usize / CHUNK_NODES).min(self.longest.len())];
+        let index = chunks.iter().position(fits)?;
+        Some(self.insert_into(index, nodes, colours))
+    }
+
+    fn insert_into(&mut self, index: usize, nodes: &[Node], colours: &[Colour]) -> u32 {
+        self.last = index;
         let chunk = &mut self.chunks[index];
         let start = free_run(chunk.used, nodes.len()).trailing_zeros() as usize;
         chunk.nodes[start..start + nodes.len()].copy_from_slice(nodes);

@@ -14,7 +14,7 @@ pub struct PagerOptions {
     /// requested, and the request waits for it. Default 0; [`PagerOptions::loaders_for_this_machine`] leaves a core to the
     /// caller.
     pub loaders: usize,
-    /// Pages that a frame takes over from the loaders at most: what bounds the time that takes. Default 24.
+    /// Pages that a frame takes over from the loaders at most: what bounds the time that takes. Default 8.
     pub pages_per_frame: usize,
 }
 
@@ -24,7 +24,7 @@ impl Default for PagerOptions {
             soft_quota_bytes: 256 << 20,
             hard_quota_bytes: 512 << 20,
             loaders: 0,
-            pages_per_frame: 24,
+            pages_per_frame: 8,
         }
     }
 }

@@ -248,14 +248,13 @@ impl Residents {
         for entry in entries {
             let resident = &mut self.entries[entry as usize];
             let (place, count) = (resident.nodes, usize::from(resident.num_nodes));
-            if !self.arena.fits_before(place, count) {
-                continue;
-            }
             nodes.clear();
             nodes.extend((place..).take(count).filter_map(|place| self.arena.get(place)).copied());
             let colours = self.arena.colours(place, count).to_vec();
-            self.arena.remove(place, count);
-            resident.nodes = self.arena.insert(&nodes, &colours);
+            if let Some(before) = self.arena.insert_before(place, &nodes, &colours) {
+                self.arena.remove(place, count);
+                resident.nodes = before;
+            }
         }
     }
 

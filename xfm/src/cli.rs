@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand};
 
 use crate::commands::{build, decimate, diff, extract, fly, info, verify};
 use crate::report::say;
-use crate::{Error, interrupt, one_line};
+use crate::{Error, interrupt, mapped, one_line};
 
 /// Meshes of any size: decimate; build view-dependent ones, inspect, check, extract, compare, fly
 ///
@@ -46,6 +46,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     interrupt::install();
+    mapped::install();
     match dispatch(&cli.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

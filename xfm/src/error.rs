@@ -168,6 +168,14 @@ pub enum Error {
         /// What is wrong with it.
         source: xfm_build::Error,
     },
+    /// The grid of a compact file does not suit the mesh.
+    #[error("{}: {source}; give another --position-error, or build it exact", file.display())]
+    Grid {
+        /// The input.
+        file: PathBuf,
+        /// What does not suit.
+        source: xfm_build::Error,
+    },
     /// A stream could not be built into a file.
     #[error(transparent)]
     Build(#[from] xfm_build::Error),

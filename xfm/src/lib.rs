@@ -21,6 +21,7 @@ pub mod distance;
 pub mod full;
 pub mod interrupt;
 pub mod level;
+pub mod mapped;
 pub mod memory;
 pub mod mesh_file;
 pub mod mesh_stream;

@@ -13,7 +13,7 @@ use mesh_io::{
 use tempfile::NamedTempFile;
 
 use crate::pipe::PipeReader;
-use crate::{Error, interrupt, text};
+use crate::{Error, interrupt, mapped, text};
 
 /// Whether a path stands for standard input or output.
 fn is_pipe(path: &Path) -> bool {
@@ -83,6 +83,7 @@ impl Input {
     /// What is wrong with its beginning.
     pub fn open(&self) -> Result<Box<dyn TriangleSource + Send>, mesh_io::Error> {
         if self.is_file() {
+            mapped::reading(&self.path);
             mesh_io::open_source_with(&self.path, self.format)
         } else {
             self.source_from(self.pipe()?)

@@ -10,12 +10,14 @@ use rayon::prelude::*;
 type Key = [[u32; 3]; 3];
 
 /// How the triangles of two meshes differ, as sets in which a triangle may occur more than once.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Difference {
     /// Triangles of the first mesh that the second does not have.
     pub missing: u64,
-    /// Triangles of the second mesh that the first does not have.
+    /// Triangles of the second mesh that the first does not have, or not so often.
     pub extra: u64,
+    /// Triangles of the first mesh that the second has, but not so often.
+    pub repeated: u64,
     /// A corner of one of those, if there is one.
     pub near: Option<[f32; 3]>,
 }
@@ -37,8 +39,9 @@ pub fn difference(
         || sorted_keys(a_positions, a_triangles),
         || sorted_keys(b_positions, b_triangles),
     );
-    let mut found = Difference { missing: 0, extra: 0, near: None };
+    let mut found = Difference::default();
     let (mut a, mut b) = (a.iter().peekable(), b.iter().peekable());
+    let mut in_both = None;
     loop {
         let order = match (a.peek(), b.peek()) {
             (None, None) => return found,
@@ -48,8 +51,13 @@ pub fn difference(
         };
         let odd = match order {
             Ordering::Equal => {
-                a.next();
+                in_both = a.next();
                 b.next();
+                None
+            }
+            Ordering::Less if a.peek().copied() == in_both => {
+                found.repeated += 1;
+                a.next();
                 None
             }
             Ordering::Less => {
@@ -94,7 +102,7 @@ mod tests {
             (&SQUARE, &[[0, 1, 2], [0, 2, 3]]),
             (&[Vec3::Y, Vec3::X, SQUARE[2], Vec3::ZERO], &[[0, 3, 2], [1, 2, 3]]),
         );
-        assert_eq!(same, Difference { missing: 0, extra: 0, near: None });
+        assert_eq!(same, Difference::default());
         let turned = difference((&SQUARE, &[[0, 1, 2]]), (&SQUARE, &[[0, 2, 1]]));
         assert_eq!((turned.missing, turned.extra), (1, 1));
     }
@@ -103,13 +111,15 @@ mod tests {
     fn the_sign_of_zero_does_not_matter() {
         let minus = [Vec3::new(-0.0, 0.0, -0.0), SQUARE[1], SQUARE[2]];
         let found = difference((&SQUARE, &[[0, 1, 2]]), (&minus, &[[0, 1, 2]]));
-        assert_eq!(found, Difference { missing: 0, extra: 0, near: None });
+        assert_eq!(found, Difference::default());
     }
 
     #[test]
     fn repetitions_and_single_bits_count() {
         let twice = difference((&SQUARE, &[[0, 1, 2], [1, 2, 0]]), (&SQUARE, &[[0, 1, 2]]));
-        assert_eq!((twice.missing, twice.extra), (1, 0));
+        assert_eq!((twice.missing, twice.extra, twice.repeated), (0, 0, 1));
+        let twice = difference((&SQUARE, &[[0, 1, 2]]), (&SQUARE, &[[0, 1, 2], [1, 2, 0]]));
+        assert_eq!((twice.missing, twice.extra, twice.repeated), (0, 1, 0));
         let mut moved = SQUARE;
         moved[2].x = moved[2].x.next_up();
         let found =

@@ -165,3 +165,24 @@ fn a_format_without_colours_is_told_of() {
     let wrong = xfm(&["build", &input, &xfm_file, "--colour-weight", "-1"]);
     assert_eq!(wrong.code, 2);
 }
+
+#[test]
+fn decimation_tells_that_it_leaves_colours_out() {
+    let folder = Folder::new();
+    let mesh = coloured(Format::PlyBinaryLittle);
+    let input = written(&folder, "in.ply", &mesh);
+    let grey = written(&folder, "grey.ply", &IndexedMesh { colours: Vec::new(), ..mesh });
+    let output = folder.file("out.ply");
+    for method in ["stream", "greedy", "cluster"] {
+        let decimate =
+            |input: &str| xfm(&["decimate", input, &output, "--faces", "200", "--method", method]);
+        let ran = decimate(&input);
+        assert!(ran.stderr.contains("the colours are left out"), "{method}: {}", ran.stderr);
+        assert!(read(&output).colours.is_empty());
+        assert!(!decimate(&grey).stderr.contains("colours"), "{method}");
+    }
+    let pipe = std::fs::read(&input).unwrap();
+    let ran =
+        common::xfm_with_input(&["decimate", "-", "-", "--faces", "200", "--to", "obj"], &pipe);
+    assert!(ran.stderr.contains("the colours are left out"), "{}", ran.stderr);
+}

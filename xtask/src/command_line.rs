@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::{Error, bench, compare, conformance, demo, generate, test};
+use crate::{Error, bench, compare, conformance, demo, fuzz, generate, test};
 
 /// Builds, tests, demonstrates and judges the whole project.
 #[derive(Debug, Parser)]
@@ -28,6 +28,8 @@ enum Command {
     Conformance(conformance::Arguments),
     /// Decimate beside the peers, and as a stream of any length: rate, memory and distances.
     Compare(compare::Arguments),
+    /// Look for files that do harm: changed ones, for every reader of files.
+    Fuzz(fuzz::Arguments),
     /// Measure the hot parts with criterion: rates, and how they changed since the run before.
     Bench(bench::Arguments),
 }
@@ -52,6 +54,7 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Test | Command::Ci => test::run(),
         Command::Conformance(arguments) => conformance::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Fuzz(arguments) => fuzz::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     }
 }

@@ -24,6 +24,7 @@ pub mod compare;
 pub mod conformance;
 pub mod demo;
 mod error;
+pub mod fuzz;
 // `gen` is a keyword of the 2024 edition, so the module has the verb's whole name.
 #[path = "gen/mod.rs"]
 pub mod generate;

@@ -3,7 +3,7 @@
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::{Error, conformance, process, setup};
+use crate::{Error, conformance, fuzz, process, setup};
 
 /// A step's name, what came of it, and how long it took.
 struct Outcome {
@@ -45,6 +45,7 @@ pub fn run() -> Result<(), Error> {
     // With the tests, though only programs are wanted: dependencies' features then include what the
     // tests ask for, as in the step before, and nothing is built twice.
     step("build", &mut || process::run(cargo("build").args(["--workspace", "--bins", "--tests"])));
+    step("fuzz", &mut fuzz::smoke);
     step("conformance", &mut || match &python {
         Some(python) => conformance::judge(&conformance::Scope::Short, "debug", python),
         None => Err(Error::Report {

@@ -155,6 +155,10 @@ impl Front {
                 },
             };
             if let Missing::Split(first) = missing {
+                // Only a node that hangs in two places is split where it was to be split first.
+                if slot_of(store, first.id).is_some() {
+                    return Err(SplitBlocked::Damaged(id));
+                }
                 pending.push(first);
             }
         }

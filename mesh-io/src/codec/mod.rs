@@ -3,6 +3,7 @@
 pub(crate) mod input;
 pub(crate) mod output;
 pub(crate) mod packing;
+pub(crate) mod quote;
 
 #[cfg(any(feature = "ply", feature = "obj"))]
 pub(crate) mod indexed;

@@ -6,6 +6,7 @@ use fast_float2::FastFloat;
 use glam::{DVec3, Vec3};
 
 use crate::Frame;
+use crate::codec::quote::quote;
 
 /// What is wrong with a token; the caller knows the line.
 #[derive(Debug, PartialEq)]
@@ -18,12 +19,7 @@ pub(crate) enum Fault {
 
 impl Fault {
     fn bad(rest: &[u8]) -> Self {
-        let token = first_token(rest);
-        let mut text = String::from_utf8_lossy(&token[..token.len().min(40)]).into_owned();
-        if token.len() > 40 {
-            text.push('…');
-        }
-        Self::BadNumber(text)
+        Self::BadNumber(quote(first_token(rest)))
     }
 }
 

@@ -10,9 +10,6 @@ use super::{EXPORT_AGAIN, malformed};
 use crate::mesh::colour_byte;
 use crate::{Colour, Error};
 
-/// The most elements an accessor without any bytes may have; beyond that only a broken file asks for zeros.
-const MAX_ZEROS: usize = 1 << 24;
-
 /// Calls `take` with the bytes of each of `count` elements of `size` bytes in a view.
 fn for_each(
     buffers: &mut Buffers<'_>,
@@ -122,10 +119,7 @@ fn elements<T: Copy>(
             let shape = [accessor.offset(), count, size];
             for_each(buffers, &view, shape, &what, |_, bytes| all.push(element(bytes)))?;
         }
-        None if count > MAX_ZEROS => {
-            let problem = format!("{what} has {count} elements and no data");
-            return Err(malformed(buffers.name(), problem, EXPORT_AGAIN));
-        }
+        // The caller has found the number believable.
         None => all.resize(count, zero),
     }
     if let Some(sparse) = accessor.sparse() {

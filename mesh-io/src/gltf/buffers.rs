@@ -10,6 +10,7 @@ use base64::engine::general_purpose::STANDARD;
 use gltf::buffer::{Buffer, Source, View};
 
 use super::{EXPORT_AGAIN, malformed};
+use crate::codec::quote::quote;
 use crate::{Error, Place};
 
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
@@ -68,11 +69,24 @@ pub(super) struct Buffers<'a> {
     folder: Option<&'a Path>,
     bin: Option<&'a [u8]>,
     fetched: Vec<Option<Cow<'a, [u8]>>>,
+    /// Bytes of the file and of the other files that were read.
+    num_bytes: u64,
 }
 
 impl<'a> Buffers<'a> {
-    pub(super) fn new(name: &'a str, folder: Option<&'a Path>, bin: Option<&'a [u8]>) -> Self {
-        Self { name, folder, bin, fetched: Vec::new() }
+    /// Those of a file with so many bytes.
+    pub(super) fn new(
+        name: &'a str,
+        folder: Option<&'a Path>,
+        bin: Option<&'a [u8]>,
+        num_bytes: u64,
+    ) -> Self {
+        Self { name, folder, bin, fetched: Vec::new(), num_bytes }
+    }
+
+    /// Bytes of the file, and of those other files that were read.
+    pub(super) fn num_bytes(&self) -> u64 {
+        self.num_bytes
     }
 
     pub(super) fn name(&self) -> &'a str {
@@ -101,7 +115,7 @@ impl<'a> Buffers<'a> {
         })
     }
 
-    fn fetch(&self, buffer: &Buffer<'_>) -> Result<Cow<'a, [u8]>, Error> {
+    fn fetch(&mut self, buffer: &Buffer<'_>) -> Result<Cow<'a, [u8]>, Error> {
         let index = buffer.index();
         let bytes = match buffer.source() {
             Source::Bin => Cow::Borrowed(self.bin.ok_or_else(|| {
@@ -110,7 +124,11 @@ impl<'a> Buffers<'a> {
             })?),
             Source::Uri(uri) => Cow::Owned(match uri.strip_prefix("data:") {
                 Some(data) => self.decode(data, index)?,
-                None => self.read_file(uri, buffer.length())?,
+                None => {
+                    let bytes = self.read_file(uri, buffer.length())?;
+                    self.num_bytes += bytes.len() as u64;
+                    bytes
+                }
             }),
         };
         if bytes.len() < buffer.length() {
@@ -138,16 +156,29 @@ impl<'a> Buffers<'a> {
 
     fn read_file(&self, uri: &str, length: usize) -> Result<Vec<u8>, Error> {
         let folder = self.folder.ok_or_else(|| {
-            let problem = format!("its data is in another file, `{uri}`");
+            let problem = format!("its data is in another file, `{}`", quote(uri.as_bytes()));
             malformed(self.name, problem, "read it by its path, or export it as .glb")
         })?;
         if uri.contains("://") {
-            let problem = format!("its data is elsewhere, at `{uri}`");
+            let problem = format!("its data is elsewhere, at `{}`", quote(uri.as_bytes()));
             return Err(malformed(self.name, problem, "fetch it and put its local name there"));
         }
         let path = folder.join(unescape(uri));
         let name = path.display().to_string();
-        let file = File::open(&path).map_err(|error| Error::io(&name, "open", error))?;
+        let failed = |error| Error::io(&name, "open", error);
+        // Before it is opened: opening a pipe would wait for whoever writes it.
+        let there = std::fs::metadata(&path).map_err(failed)?;
+        if !there.is_file() {
+            return Err(failed(std::io::Error::other("it is not a file")));
+        }
+        let file = File::open(&path).map_err(failed)?;
+        if there.len() < length as u64 {
+            return Err(Error::Truncated {
+                name,
+                place: Place::Byte(there.len()),
+                missing: format!("the {length} bytes of the buffer are complete"),
+            });
+        }
         let mut bytes = Vec::new();
         file.take(length as u64)
             .read_to_end(&mut bytes)

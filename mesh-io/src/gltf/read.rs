@@ -10,6 +10,7 @@ use gltf::{Document, Mesh, Node, Primitive};
 use super::buffers::{Buffers, split};
 use super::{EXPORT_AGAIN, accessor, malformed};
 use crate::codec::input::Input;
+use crate::codec::quote::{printable, quote};
 use crate::mesh::WHITE;
 use crate::{Error, IndexedMesh, Place};
 
@@ -24,6 +25,12 @@ const HARMLESS: [&str; 7] = [
     "MSFT_texture_",
 ];
 
+/// Bytes of a mesh that are believed of each byte of file. Nodes may show the same mesh as often as they like, and meshes the
+/// same data; a small file could fill any memory.
+const MAX_EXPANSION: u64 = 1024;
+/// Bytes of a vertex, and of a triangle.
+const ITEM_BYTES: u64 = 12;
+
 /// The whole scene as one mesh; other files are looked for in `folder`.
 pub(crate) fn read_mesh<R: Read>(
     mut input: Input<R>,
@@ -37,7 +44,7 @@ pub(crate) fn read_mesh<R: Read>(
     let (json, bin) = split(&file, name)?;
     let document = parse(json, name)?;
     let mut scene = SceneReader {
-        buffers: Buffers::new(name, folder, bin),
+        buffers: Buffers::new(name, folder, bin, file.len() as u64),
         mesh: IndexedMesh::default(),
         seen: vec![false; document.nodes().len()],
     };
@@ -58,7 +65,7 @@ fn parse(json: &[u8], name: &str) -> Result<Document, Error> {
                 Error::Malformed {
                     name: name.to_owned(),
                     place: Place::Line(error.line() as u64),
-                    problem: format!("not the JSON of a glTF: {error}"),
+                    problem: printable(&format!("not the JSON of a glTF: {error}")),
                     remedy: EXPORT_AGAIN,
                 }
             }
@@ -68,7 +75,10 @@ fn parse(json: &[u8], name: &str) -> Result<Document, Error> {
     if let Some(extension) = root.extensions_required.first() {
         return Err(malformed(
             name,
-            format!("it needs the extension {extension}, which is not known here"),
+            format!(
+                "it needs the extension {}, which is not known here",
+                quote(extension.as_bytes())
+            ),
             "export the scene without it (without compression)",
         ));
     }
@@ -95,7 +105,7 @@ fn parse(json: &[u8], name: &str) -> Result<Document, Error> {
             },
             error => error.to_string(),
         };
-        malformed(name, problem, EXPORT_AGAIN)
+        malformed(name, printable(&problem), EXPORT_AGAIN)
     })
 }
 
@@ -173,11 +183,26 @@ impl SceneReader<'_> {
         Ok(())
     }
 
+    /// That there may be so many vertices or triangles more.
+    fn check_size(&self, more: usize) -> Result<(), Error> {
+        let items = (self.mesh.positions.len() + self.mesh.triangles.len()) as u64;
+        let bytes = items.saturating_add(more as u64).saturating_mul(ITEM_BYTES);
+        if bytes > self.buffers.num_bytes().saturating_mul(MAX_EXPANSION) {
+            let problem = format!(
+                "its nodes show the same data so often that it becomes more than {MAX_EXPANSION} times as large as the file"
+            );
+            let remedy = "export parts of the scene, or each mesh once";
+            return Err(malformed(self.buffers.name(), problem, remedy));
+        }
+        Ok(())
+    }
+
     fn add_positions(
         &mut self,
         source: &gltf::Accessor<'_>,
         transform: DMat4,
     ) -> Result<(u32, u32), Error> {
+        self.check_size(source.count())?;
         let positions = accessor::positions(&mut self.buffers, source)?;
         let base = self.mesh.positions.len();
         let (Ok(first), Ok(count), true) = (
@@ -238,6 +263,10 @@ impl SceneReader<'_> {
             Some(source) => accessor::indices(&mut self.buffers, &source)?,
             None => (0..count).collect(),
         };
+        self.check_size(match primitive.mode() {
+            Mode::TriangleStrip | Mode::TriangleFan => corners.len(),
+            _ => corners.len() / 3,
+        })?;
         if let Some(&index) = corners.iter().find(|&&index| index >= count) {
             return Err(Error::IndexOutOfRange {
                 name: format!(

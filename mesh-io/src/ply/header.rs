@@ -4,6 +4,7 @@ use std::io::Read;
 
 use crate::Error;
 use crate::codec::input::{Input, LineEnd};
+use crate::codec::quote::quote;
 use crate::codec::text::Tokens;
 use crate::mesh::colour_byte;
 
@@ -188,7 +189,7 @@ pub(super) struct Element {
 
 impl Element {
     pub(super) fn name(&self) -> String {
-        String::from_utf8_lossy(&self.name).into_owned()
+        quote(&self.name)
     }
 
     /// Bytes per row where no list makes that vary.
@@ -354,9 +355,7 @@ impl Statement {
         let mut tokens = Tokens::new(line);
         let Some(keyword) = tokens.word() else { return Ok(Self::Nothing) };
         let quote = |word: Option<&[u8]>| match word {
-            Some(word) => {
-                format!("`{}`", String::from_utf8_lossy(&word[..word.len().min(40)]))
-            }
+            Some(word) => format!("`{}`", quote(word)),
             None => "the end of the line".to_owned(),
         };
         match keyword {

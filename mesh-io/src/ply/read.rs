@@ -155,11 +155,11 @@ impl<R: Read> PlyReader<R> {
         let missing = MissingRows(element);
         let big = self.header.coding == Coding::Big;
         match (self.header.coding, element.stride()) {
+            // Rows of nothing are not there, however many there are said to be.
+            (Coding::Ascii, _) if element.properties.is_empty() => {}
             (Coding::Ascii, _) => {
                 for _ in self.row..element.count {
-                    if !element.properties.is_empty() {
-                        row_line(&mut self.input, missing)?;
-                    }
+                    row_line(&mut self.input, missing)?;
                 }
             }
             (_, Some(stride)) => {

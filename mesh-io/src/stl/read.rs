@@ -7,6 +7,7 @@ use glam::Vec3;
 use super::{HEADER_BYTES, RECORD_BYTES};
 use crate::codec::input::{Input, LineEnd};
 use crate::codec::plain::Plain;
+use crate::codec::quote::quote;
 use crate::codec::text::{Fault, Tokens, is_blank, trim_start};
 use crate::codec::weld::Welder;
 use crate::frame::Framing;
@@ -289,7 +290,7 @@ impl Solid {
             (true, None) => "`facet` or `endsolid`",
             (true, Some(_)) => "`vertex` or `endfacet`",
         };
-        let word = String::from_utf8_lossy(&word[..word.len().min(40)]);
+        let word = quote(word);
         Err(format!("`{word}` where {expected} should be"))
     }
 }

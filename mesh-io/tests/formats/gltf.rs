@@ -119,6 +119,44 @@ fn data_in_another_file() {
 }
 
 #[test]
+fn only_so_much_of_another_file_as_there_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.gltf");
+    let scene = |uri: &str, bytes: &str| {
+        let text = document(r#","mode":6"#, "", &format!(r#","uri":"{uri}""#));
+        std::fs::write(&path, text.replace(r#""byteLength":92"#, bytes)).unwrap();
+        read_mesh(&path).unwrap_err().to_string()
+    };
+    std::fs::write(folder.path().join("short.bin"), &data()[..90]).unwrap();
+    let message = scene("short.bin", r#""byteLength":92"#);
+    assert!(message.contains("short.bin, byte 90: the file ends before the 92 bytes"), "{message}");
+    #[cfg(unix)]
+    {
+        let message = scene("/dev/zero", r#""byteLength":1000000000000"#);
+        assert!(message.contains("/dev/zero: cannot open: it is not a file"), "{message}");
+    }
+}
+
+#[test]
+fn a_small_file_does_not_become_a_huge_mesh() {
+    let nodes = vec![r#"{"mesh":0}"#; 5000].join(",");
+    let roots = (0..5000).map(|i| i.to_string()).collect::<Vec<_>>().join(",");
+    let scene = format!(r#""scene":0,"scenes":[{{"nodes":[{roots}]}}],"nodes":[{nodes}],"#);
+    assert_eq!(load(r#","mode":6"#, &scene).triangles.len(), 10_000);
+    let zeros = |count: u32| {
+        let sparse = r#"{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","sparse""#;
+        let no_data = format!(r#"{{"componentType":5126,"count":{count},"type":"VEC3","sparse""#);
+        let text = document(r#","mode":6"#, &scene, &data_uri()).replace(sparse, &no_data);
+        text.replace(r#""POSITION":0"#, r#""POSITION":5"#)
+    };
+    assert_eq!(read(zeros(4), Format::Gltf).unwrap().triangles.len(), 10_000);
+    for count in [10_000, 100_000_000, u32::MAX] {
+        let message = refused(zeros(count), Format::Gltf);
+        assert!(message.contains("more than 1024 times as large as the file"), "{message}");
+    }
+}
+
+#[test]
 fn the_binary_container_by_hand() {
     let mut json = document(r#","mode":6"#, "", "").into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');

@@ -11,8 +11,11 @@ use crate::rate::boundary_moved;
 /// Least cosine of the angle by which one collapse may turn a triangle.
 const LEAST_COSINE: f32 = 0.2;
 
+/// Squared lengths beyond this are near what single precision can hold: sums of a few of them may not be numbers.
+const FARTHEST_SQUARED: f32 = 1e36;
+
 /// How far the surface is from where it was, both ways, once `v` is at its neighbour `u`; `None` if a triangle is turned over,
-/// against how it lay or against the surface, whose normals its corners carry.
+/// against how it lay or against the surface, whose normals its corners carry, or if it is too large to tell.
 pub(crate) fn moved(window: &Window<'_>, v: u32, u: u32) -> Option<f32> {
     let at = window.position(u);
     let from = window.position(v) - at;
@@ -21,11 +24,13 @@ pub(crate) fn moved(window: &Window<'_>, v: u32, u: u32) -> Option<f32> {
     let fans = window.stars.fans(v);
     let normal = |x: u32| window.identity(x).mean;
     let (of_v, of_u) = (normal(v), normal(u));
+    let mut farthest = from.length_squared();
     for (a, b) in fans.triangles() {
+        let [p, q] = [a, b].map(|x| window.position(x) - at);
+        farthest = farthest.max(p.length_squared()).max(q.length_squared());
         if a == u || b == u {
             continue;
         }
-        let [p, q] = [a, b].map(|x| window.position(x) - at);
         let (before, after) = ((p - from).cross(q - from), p.cross(q));
         let turned = |(then, now): (Vec3, Vec3)| after.dot(now) <= 0.0 && before.dot(then) > 0.0;
         let beside = [normal(a), normal(b)].map(|n| (n, n));
@@ -39,14 +44,15 @@ pub(crate) fn moved(window: &Window<'_>, v: u32, u: u32) -> Option<f32> {
         }
     }
     let moved = star.finish_or(0.0);
-    if moved == f32::INFINITY {
+    if moved == f32::INFINITY || farthest > FARTHEST_SQUARED {
         return None;
     }
     for (a, b) in fans.triangles() {
         let [p, q] = [a, b].map(|x| window.position(x) - at - from);
         middles.look(from, p, q);
     }
-    Some(moved.max(middles.farthest()).max(boundary_moved(window, v, u, at)))
+    let moved = moved.max(middles.farthest()).max(boundary_moved(window, v, u, at));
+    moved.is_finite().then_some(moved)
 }
 
 /// What is to be told of the collapse of `v` into its neighbour `u`, which comes after it counter-clockwise if `v` is on a

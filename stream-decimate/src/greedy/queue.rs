@@ -7,10 +7,11 @@ const FRACTION_BITS: u32 = 7;
 /// One bucket for each cost that is not negative.
 const BUCKETS: usize = 1 << (8 + FRACTION_BITS);
 
-/// The bucket of a cost, which must not be negative: rises with it.
+/// The bucket of a cost: rises with its size. What is no number comes last; below zero is only what rounding left.
 #[inline]
 pub(super) fn key(cost: f32) -> u16 {
-    (cost.to_bits() >> (23 - FRACTION_BITS)) as u16
+    // Without the sign, which would make a key beyond all buckets: one that never agrees with the bucket.
+    (cost.abs().to_bits() >> (23 - FRACTION_BITS)) as u16
 }
 
 /// A bucket queue (a doubly linked ring of edges for every key): first in, first out among equals.
@@ -44,7 +45,7 @@ impl Queue {
     /// Puts an edge where its cost belongs, wherever it was before.
     pub(super) fn push(&mut self, edge: HalfEdgeId, cost: f32) {
         self.remove(edge);
-        let bucket = usize::from(key(cost)).min(BUCKETS - 1);
+        let bucket = usize::from(key(cost));
         self.lowest = self.lowest.min(bucket);
         let head = self.num_edges + bucket;
         let last = self.links[head][1];
@@ -88,6 +89,10 @@ mod tests {
         let costs = [0.0, 1e-40, 1e-20, 0.99, 1.0, 1.01, 1e20, f32::MAX, f32::INFINITY];
         assert!(costs.windows(2).all(|c| key(c[0]) < key(c[1])), "{:?}", costs.map(key));
         assert_eq!(key(1.0), key(1.007));
+        for cost in [-0.0, -1e-9, f32::NAN, -f32::NAN] {
+            assert!(usize::from(key(cost)) < BUCKETS, "{cost}");
+        }
+        assert!(key(f32::NAN) > key(f32::INFINITY));
     }
 
     proptest! {

@@ -312,7 +312,9 @@ impl Surface {
         } else {
             self.patch.bound_after(at)
         };
-        if deviation > self.most {
+        // Also where one of them is no number.
+        let is_near = deviation <= self.most && (at * self.unit).is_finite();
+        if !is_near {
             return Err(Blocked::Error);
         }
         let squared = deviation * deviation;
@@ -399,11 +401,11 @@ fn least_cost(way: Vec3, one: &Quadric, other: &Quadric) -> f32 {
     LENGTH_WEIGHT * way.length_squared() * (one.weight() + other.weight())
 }
 
-/// The length of the longest side of the box around the points.
+/// The length of the longest side of the box around the points, or the largest number if it is longer.
 fn extent(positions: &[Vec3]) -> f32 {
     let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (low, high) = positions.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)));
-    (high - low).max_element()
+    (high - low).max_element().min(f32::MAX)
 }
 
 /// A power of two that is not above `x` and not below its half; 1 where there is none.

@@ -32,7 +32,8 @@ const BUFFER_BYTES: usize = 128;
 ///
 /// The default method reads the mesh once, holds a part of it in a buffer, and writes the result as it goes; memory depends
 /// on the buffer, not on the mesh. The number of triangles is met exactly unless the topology or the boundary
-/// forbids it, which is then said; what is closed stays closed. Coordinates stay in the input's frame.
+/// forbids it, which is then said; what is closed stays closed. Coordinates stay in the input's frame. Colours are left out:
+/// `xfm build` and `xfm extract` keep them.
 #[derive(Debug, Clone, clap::Args)]
 #[command(group = clap::ArgGroup::new("target").required(true).args(["ratio", "faces", "max_error"]))]
 #[command(after_help = "\
@@ -256,6 +257,8 @@ pub fn run(args: &DecimateArgs) -> Result<(), Error> {
 struct Done {
     report: DecimateReport,
     frame: Frame,
+    /// Whether the input has colours, which no method carries.
+    colours_lost: bool,
 }
 
 impl Done {
@@ -271,6 +274,12 @@ impl Done {
             ));
         }
         warnings.extend(output.rounding(self.frame));
+        if self.colours_lost {
+            warnings.push(format!(
+                "{}: the colours are left out; xfm build and xfm extract keep them",
+                output.name()
+            ));
+        }
         warnings
     }
 }
@@ -306,9 +315,15 @@ fn stream_file(
         frame = of_input;
         output.create_whole(frame, scratch)
     };
-    let report = decimate_file(&mut || input.open(), &mut create, &options, scratch, &mut observer)
+    let mut colours_lost = false;
+    let mut open = || {
+        let source = input.open()?;
+        colours_lost = source.has_colours();
+        Ok(source)
+    };
+    let report = decimate_file(&mut open, &mut create, &options, scratch, &mut observer)
         .map_err(failed(input))?;
-    Ok(Done { report, frame })
+    Ok(Done { report, frame, colours_lost })
 }
 
 fn stream_pipe(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, Error> {
@@ -325,7 +340,7 @@ fn stream_pipe(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Do
         let report =
             decimate(&mut *source, &mut *sink, &options, &mut observer).map_err(failed(input))?;
         sink.finish()?;
-        Ok(Done { report, frame })
+        Ok(Done { report, frame, colours_lost: source.has_colours() })
     };
     // From pipe to pipe nothing has a name that would be left behind, and nothing else breaks off the waiting for whoever
     // reads.
@@ -343,9 +358,10 @@ fn greedy(args: &DecimateArgs, input: &Input, output: &Output) -> Result<Done, E
     };
     let (decimated, report) =
         decimate_greedy(&mesh, &options, &mut observer).map_err(failed(input))?;
+    let colours_lost = !mesh.colours.is_empty();
     drop((mesh, bar));
     write(output, &decimated, frame)?;
-    Ok(Done { report, frame })
+    Ok(Done { report, frame, colours_lost })
 }
 
 fn cluster(
@@ -355,10 +371,11 @@ fn cluster(
     scratch: &Path,
 ) -> Result<Done, Error> {
     let mut kept = if input.is_file() { None } else { Some(input.keep(scratch)?) };
-    let mut frame = Frame::default();
+    let (mut frame, mut colours_lost) = (Frame::default(), false);
     let mut open = || {
         let source = kept.as_mut().map_or_else(|| input.open(), Kept::open)?;
         frame = source.frame();
+        colours_lost = source.has_colours();
         Ok(source)
     };
     let mut bar = Bar::default();
@@ -370,7 +387,7 @@ fn cluster(
         decimate_clustered(&mut open, &args.options(), &mut observer).map_err(failed(input))?;
     drop(bar);
     write(output, &decimated, frame)?;
-    Ok(Done { report, frame })
+    Ok(Done { report, frame, colours_lost })
 }
 
 fn write(output: &Output, mesh: &IndexedMesh, frame: Frame) -> Result<(), Error> {

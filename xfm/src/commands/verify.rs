@@ -16,9 +16,9 @@ use crate::{Error, interrupt, text, values, xfm_file};
 /// Check a .xfm file: checksums, links, bounds, counts; and with --against that it holds a mesh whole
 ///
 /// With --against the file is refined fully, and its triangles must be those of the input, every coordinate the same to the
-/// last bit. Where all of it fits --memory, the input is welded and repaired as `xfm build` does before. Where it does not,
-/// triangles are compared as they are: those without a surface (two corners at one place, a coordinate that is no number) are
-/// left out and counted, and so are repetitions. Exit code 1 if anything is wrong.
+/// last bit, or rounded as a compact file says. Where all of it fits --memory, the input is welded and repaired as `xfm build` does before. Where it does not,
+/// triangles are compared as they are. Those without a surface (two corners at one place, a coordinate that is no number) are
+/// left out and counted, and so are repetitions at one place. Exit code 1 if anything is wrong.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -89,7 +89,7 @@ fn check(forest: &Forest, levels: u32, shares: Option<Shares>) {
     assert_eq!(full.num_triangles(), triangles.len() as u64);
     assert_eq!(positions.len(), in_core.positions.len());
     let found = difference((&in_core.positions, &in_core.triangles), (&positions, &triangles));
-    assert_eq!((found.missing, found.extra), (0, 0));
+    assert_eq!((found.missing, found.extra, found.repeated), (0, 0, 0));
     assert!(soup.iter().zip(&triangles).all(|(c, t)| *c == t.map(|v| positions[v as usize])));
     // Each vertex is one: what is connected in core is connected here, and nothing else.
     let mesh = |positions: &[Vec3], triangles| {

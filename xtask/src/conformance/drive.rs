@@ -77,6 +77,7 @@ impl<'a> Driver<'a> {
         }
         if case.formats {
             steps.extend(self.formats(case, &model)?);
+            steps.extend(self.colours(case)?);
         }
         let euler = match case.nature {
             Nature::Closed(euler) => json!(euler),
@@ -132,6 +133,30 @@ impl<'a> Driver<'a> {
         for extension in ["stl", "ply", "obj", "glb"] {
             let to = case.folder.join(format!("written.{extension}"));
             steps.push(self.extract("write", model, &to, &["--full"])?);
+        }
+        Ok(steps)
+    }
+
+    /// Colours of vertices, as trimesh writes them and reads them again: those of the whole mesh and those of a front.
+    fn colours(&self, case: &Case) -> Result<Vec<Value>, Error> {
+        let mut paint = self.python.command();
+        paint.arg(&self.judge).arg("paint").arg(&case.input).arg(&case.folder);
+        let painted = process::read(&mut paint)?;
+        let input = Path::new(painted.trim());
+        let model = case.folder.join("painted.xfm");
+        let mut steps = vec![self.build(input, &model, &["--encoding", "exact"])?];
+        let front = ["--faces", "1000"];
+        for (name, what) in [
+            ("ply", &["--full"][..]),
+            ("obj", &["--full"]),
+            ("glb", &["--full"]),
+            ("front.ply", &front),
+        ] {
+            let to = case.folder.join(format!("painted-out.{name}"));
+            let mut step = self.extract("colours", &model, &to, what)?;
+            step["painted"] = json!(input);
+            step["everywhere"] = json!(what == ["--full"]);
+            steps.push(step);
         }
         Ok(steps)
     }

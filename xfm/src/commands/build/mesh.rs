@@ -8,7 +8,9 @@ use std::time::{Duration, UNIX_EPOCH};
 use glam::Vec3;
 use mesh_io::TriangleSource;
 use scratch::Scratch;
-use xfm_build::{Keep, MeshError, MeshProgress, MeshReport, Stage, build_mesh};
+use xfm_build::{
+    CoarseProblem, Keep, MeshError, MeshProgress, MeshReport, RecordProblem, Stage, build_mesh,
+};
 use xfm_format::{Encoding, PositionError, WriteOptions};
 
 use super::plan::{Mode, Plan};
@@ -82,6 +84,9 @@ pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
         MeshError::Empty => Error::NothingToBuild { file: request.path.to_owned() },
         MeshError::Build(xfm_build::Error::Interrupted) => Error::Interrupted,
         MeshError::Build(error @ xfm_build::Error::State { .. }) => Error::Resume { source: error },
+        MeshError::Build(error) if is_about_grid(&error) => {
+            Error::Grid { file: request.path.to_owned(), source: error }
+        }
         MeshError::Build(error) => error.into(),
         MeshError::Collapse(error) => failed(input, plan, error),
         error => Error::BuildMesh(error),
@@ -93,6 +98,16 @@ pub fn build(request: &Request<'_>, plan: &Plan) -> Result<Built, Error> {
         (error, _) => error,
     })?;
     Ok(built_of(&report, plan.mode))
+}
+
+/// Whether another error for positions would do.
+fn is_about_grid(error: &xfm_build::Error) -> bool {
+    matches!(
+        error,
+        xfm_build::Error::Format(xfm_format::Error::PositionError { .. })
+            | xfm_build::Error::Coarse(CoarseProblem::TooFar)
+            | xfm_build::Error::Record { problem: RecordProblem::TooFar, .. }
+    )
 }
 
 /// What went wrong with the triangles, with the input's name and what can be done about it.

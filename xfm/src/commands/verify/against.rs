@@ -7,7 +7,7 @@ use glam::Vec3;
 use mesh_io::{Frame, IndexedSource, Triangle};
 use scratch::Scratch;
 use serde::Serialize;
-use xfm_format::XfmFile;
+use xfm_format::{Encoding, XfmFile};
 
 use super::VerifyArgs;
 use crate::full::full_mesh;
@@ -97,16 +97,20 @@ fn in_core(
     if frame.origin != of_file.origin {
         mesh.positions.iter_mut().for_each(|position| *position = into(of_file, frame, *position));
     }
-    let repaired = halfedge::repair(&mesh.positions, &mesh.triangles)
+    let mut repaired = halfedge::repair(&mesh.positions, &mesh.triangles)
         .map_err(|source| Error::Repair { file: input.to_owned(), source })?;
-    let expected: Vec<[u32; 3]> = repaired
-        .mesh
-        .faces()
-        .filter_map(|face| repaired.mesh.corners(face))
-        .map(|corners| corners.map(|vertex| vertex.get()))
-        .collect();
-    let full = level::extract(&mut file.read_forest()?, &Wanted::Full, |_| false)
+    let corners = repaired.mesh.faces().filter_map(|face| repaired.mesh.corners(face));
+    let mut expected: Vec<[u32; 3]> = corners.map(|t| t.map(|vertex| vertex.get())).collect();
+    // Building welds whatever lies at one place, and leaves out what is no surface then.
+    let mut no_surface = leave_out_no_surface(&repaired.positions, &mut expected);
+    repaired.positions.iter_mut().for_each(|position| *position = rounded(file, *position));
+    let mut full = level::extract(&mut file.read_forest()?, &Wanted::Full, |_| false)
         .map_err(|source| Error::Base { file: file.path().to_owned(), source })?;
+    if file.header().encoding != Encoding::Exact {
+        // What became so by rounding is in the file.
+        no_surface += leave_out_no_surface(&repaired.positions, &mut expected);
+        leave_out_no_surface(&full.positions, &mut full.triangles);
+    }
     let found = difference((&repaired.positions, &expected), (&full.positions, &full.triangles));
     let colours =
         Colours { of_file: file.header().has_colour(), of_input: !mesh.colours.is_empty() };
@@ -123,6 +127,9 @@ fn in_core(
         }
         recoloured = Some(comparison.finish()?);
     }
+    let mut counts = repaired::counts(&repaired.report);
+    counts.insert("repeated_triangles", found.repeated);
+    counts.insert("triangles_without_surface", no_surface);
     let comparison = Comparison {
         mode: "in-core",
         input_triangles: mesh.triangles.len() as u64,
@@ -130,7 +137,7 @@ fn in_core(
         missing: found.missing,
         extra: found.extra,
         recoloured: recoloured.map(|found| found.differ),
-        repaired: repaired::counts(&repaired.report),
+        repaired: counts,
     };
     let wrong = found.near.map(|near| {
         let blocked = match full.damaged {
@@ -189,6 +196,10 @@ fn streaming(
         if frame.origin != of_file.origin {
             let corners = batch.as_flattened_mut();
             corners.iter_mut().for_each(|corner| *corner = into(of_file, frame, *corner));
+        }
+        if file.header().encoding != Encoding::Exact {
+            let corners = batch.as_flattened_mut();
+            corners.iter_mut().for_each(|corner| *corner = rounded(file, *corner));
         }
         comparison.push(Side::Input, &batch)?;
         if let Some(both) = &mut of_colours {
@@ -250,6 +261,21 @@ impl Colours {
             input.display()
         ))
     }
+}
+
+/// Leaves out triangles with two corners at one place; returns how many.
+fn leave_out_no_surface(positions: &[Vec3], triangles: &mut Vec<[u32; 3]>) -> u64 {
+    let before = triangles.len();
+    triangles.retain(|t| {
+        let [a, b, c] = t.map(|vertex| positions[vertex as usize]);
+        a != b && b != c && c != a
+    });
+    (before - triangles.len()) as u64
+}
+
+/// A position as the file has it; itself, where that has no place for it.
+fn rounded(file: &XfmFile, position: Vec3) -> Vec3 {
+    file.header().rounding.position(position).unwrap_or(position)
 }
 
 /// A position of one frame in another one.
