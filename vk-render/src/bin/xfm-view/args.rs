@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use mergetree::{Camera, Dependencies};
+use mergetree::{Camera, Dependencies, ViewTest};
 use vk_render::{ContextOptions, DeviceChoice};
 use xfm_pager::{PagerOptions, SessionOptions};
 
@@ -94,6 +94,9 @@ pub(crate) struct Args {
     /// Let triangles depend on connectivity alone: fewer of them, some may fold over
     #[arg(long)]
     pub(crate) links_only: bool,
+    /// Compare with a pixel how large that is which changes, as the paper does, not how far the surface moves
+    #[arg(long)]
+    pub(crate) radius_test: bool,
     /// Draw on the device whose name contains this; `software` for a driver without hardware
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
@@ -131,6 +134,9 @@ impl Args {
         let mut session = SessionOptions::default();
         if self.links_only {
             session.dependencies = Dependencies::Links;
+        }
+        if self.radius_test {
+            session.test = ViewTest::Radius;
         }
         let mut pager = self.pager_options();
         if self.offscreen.is_some() {
