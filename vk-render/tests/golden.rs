@@ -129,10 +129,32 @@ fn folder() -> tempfile::TempDir {
 #[test]
 fn every_shading_looks_as_it_did() {
     let folder = folder();
-    for shading in ["smooth", "flat", "wireframe", "lod", "blocks", "residency", "normals"] {
+    for shading in ["smooth", "flat", "wireframe", "lod", "residency", "normals"] {
         let view = ["--view", "1.5,1.6,2.4 0,-0.1,0", "--pixels", "0.01", "--shading", shading];
         compare(shading, &picture(folder.path(), "240x160", &view));
     }
+}
+
+/// Which block has which colour is the file's affair; that there are many is not.
+#[test]
+fn blocks_have_many_colours_and_clay_has_one() {
+    let folder = folder();
+    let hues = |shading: &str| {
+        let view = ["--view", "1.5,1.6,2.4 0,-0.1,0", "--pixels", "0.01", "--shading", shading];
+        let picture = picture(folder.path(), "240x160", &view);
+        let mut seen: Vec<[u8; 3]> = Vec::new();
+        for pixel in picture.rgb.chunks(3) {
+            // By the order of the channels and how far apart they are, whatever the light.
+            let most = f32::from(*pixel.iter().max().expect("three").max(&1));
+            let share = [0, 1, 2].map(|k| (6.0 * f32::from(pixel[k]) / most) as u8);
+            if !seen.contains(&share) {
+                seen.push(share);
+            }
+        }
+        seen.len()
+    };
+    let (blocks, clay) = (hues("blocks"), hues("smooth"));
+    assert!(blocks > 2 * clay && blocks > 30, "{blocks} and {clay}");
 }
 
 #[test]

@@ -148,6 +148,34 @@ fn panels_are_clicked_dragged_and_hidden() {
 }
 
 #[test]
+fn detail_is_held_by_triangles_or_time_and_kept_within_memory() {
+    let (display, folder, _) = scene();
+    let viewer = Viewer::start(&display, folder.path(), &["torus.ply", "--pixels", "0.2"]);
+    let fine = viewer.settled();
+    let quota = |f: &Value| f["hard_quota"].as_u64().expect("a number");
+    let shown = |f: &Value| f["triangles_shown"].as_u64().expect("a number");
+    // The second of the three is the number of triangles, which the slider takes to its least: a thousand.
+    display.click(viewer.window, [130, 83], 1);
+    viewer.until("triangles held", |f| f["held"] == "triangles");
+    display.drag(viewer.window, 1, [120, 108], [10, 108]);
+    viewer.until("few triangles", |f| shown(f) < 1_300 && f["settled"] == true);
+    // The third is the time of a frame: it has all it wants.
+    display.click(viewer.window, [190, 83], 1);
+    viewer.until("time held", |f| f["held"] == "time");
+    viewer.until("other detail", |f| shown(f) != 1_000);
+    display.click(viewer.window, [50, 83], 1);
+    viewer.until("error held", |f| f["held"] == "pixels");
+    viewer.until("what it was", |f| shown(f) == shown(&fine) && f["settled"] == true);
+    // The limit of memory, to the left: less, and it holds.
+    let before = quota(&viewer.settled());
+    display.drag(viewer.window, 1, [81, 357], [30, 357]);
+    let less = viewer.until("less memory", |f| quota(f) < before);
+    assert!(less["resident_bytes"].as_u64() <= less["hard_quota"].as_u64(), "{less}");
+    viewer.settled();
+    viewer.quit();
+}
+
+#[test]
 fn points_are_picked_and_the_model_cut_open() {
     let (display, folder, _) = scene();
     let view_arg = ["torus.ply", "--view", "0,4,0 0,0,0 0,0,-1"];

@@ -94,7 +94,7 @@ impl Arena {
         let fits = |&longest: &u8| usize::from(longest) >= length;
         match self.longest.get(self.last) {
             Some(longest) if fits(longest) => Some(self.last),
-            _ => self.longest.iter().position(|longest| fits(longest)),
+            _ => self.longest.iter().position(fits),
         }
     }
 

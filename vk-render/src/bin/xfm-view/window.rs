@@ -170,6 +170,7 @@ impl App<'_> {
         let points: Vec<[f32; 3]> = state.measure.points.iter().map(|p| p.to_array()).collect();
         entry.insert("model".into(), json!(self.viewer.model.is_some()));
         entry.insert("opening".into(), json!(self.viewer.opening.is_some()));
+        entry.insert("held".into(), json!(state.detail.by.name()));
         entry.insert("size".into(), json!([state.lens.width, state.lens.height]));
         entry.insert("shading".into(), json!(state.look.name()));
         entry.insert("fly".into(), json!(state.fly));

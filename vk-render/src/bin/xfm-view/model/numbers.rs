@@ -73,9 +73,12 @@ impl Numbers {
         self.updates > 0 || self.blocks_loaded > 0 || self.goes_on
     }
 
-    /// Share of the requests that were for detail that was there, 0 to 1; `None` where there was no request.
+    /// Share of the nodes that were looked at and were in memory, 0 to 1; `None` where none was looked at.
+    ///
+    /// What is there is not requested, so requests alone would tell of the misses only.
     pub(crate) fn hit_rate(&self) -> Option<f64> {
-        let requests = self.hits + self.misses;
-        (requests > 0).then(|| self.hits as f64 / requests as f64)
+        let (there, looked_at) =
+            (self.tests as u64 + self.hits, self.tests as u64 + self.hits + self.misses);
+        (looked_at > 0).then(|| there as f64 / looked_at as f64)
     }
 }

@@ -130,7 +130,7 @@ fn detail(ui: &mut Ui, numbers: &Numbers) {
     );
     let hits =
         numbers.hit_rate().map_or_else(|| "–".into(), |share| format!("{:.1} %", 100.0 * share));
-    row(ui, "cache hits", hits, "Share of the requests for detail that was in memory");
+    row(ui, "cache hits", hits, "Share of the nodes looked at that were in memory");
     row(
         ui,
         "queue",

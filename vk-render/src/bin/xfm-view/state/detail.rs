@@ -13,6 +13,17 @@ pub(crate) enum By {
     Time,
 }
 
+impl By {
+    /// For programs.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Pixels => "pixels",
+            Self::Triangles => "triangles",
+            Self::Time => "time",
+        }
+    }
+}
+
 /// Which of them, and how much of each.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DetailChoice {
