@@ -44,7 +44,7 @@
 //!   in `.gz` or `.zst`.
 //! - A file that is written appears whole or not at all.
 //! - No count or size in a file is believed: memory grows with the bytes that are really there, in what is unpacked. It takes at
-//!   most 1 MiB and 128 times as many bytes; a glTF, whose nodes may show a mesh many times, 1024 times as many.
+//!   most 2 MiB and 128 times as many bytes; a glTF, whose nodes may show a mesh many times, 1024 times as many.
 //!
 //! Every format is one cargo feature (`stl`, `ply`, `obj`, `gltf`), and so is each packing (`gz`, `zst`); all are on by
 //! default. Without any, the traits and [`IndexedMesh`] remain.

@@ -3,8 +3,9 @@
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::SystemTime;
 
 use glam::Vec3;
 use mesh_io::{
@@ -53,12 +54,14 @@ pub fn scratch_folder(
 pub struct Input {
     path: PathBuf,
     format: Option<Format>,
+    /// Length and time of the file when it was opened first.
+    first: OnceLock<(u64, Option<SystemTime>)>,
 }
 
 impl Input {
     /// `-` is standard input; the format is `format`, or what the extension says, or else what the content shows.
     pub fn new(path: &Path, format: Option<Format>) -> Self {
-        Self { path: path.to_owned(), format }
+        Self { path: path.to_owned(), format, first: OnceLock::new() }
     }
 
     /// Whether it is standard input.
@@ -84,10 +87,27 @@ impl Input {
     pub fn open(&self) -> Result<Box<dyn TriangleSource + Send>, mesh_io::Error> {
         if self.is_file() {
             mapped::reading(&self.path);
+            self.check_unchanged()?;
             mesh_io::open_source_with(&self.path, self.format)
         } else {
             self.source_from(self.pipe()?)
         }
+    }
+
+    /// That the file is what it was when it was opened first.
+    fn check_unchanged(&self) -> Result<(), mesh_io::Error> {
+        // What is not there is told by whoever opens it.
+        let Ok(metadata) = self.path.metadata() else { return Ok(()) };
+        let now = (metadata.len(), metadata.modified().ok());
+        if *self.first.get_or_init(|| now) == now {
+            return Ok(());
+        }
+        Err(mesh_io::Error::Malformed {
+            name: self.name(),
+            place: mesh_io::Place::File,
+            problem: "it changed between two readings".to_owned(),
+            remedy: "wait until nothing writes to it any more",
+        })
     }
 
     /// Keeps what comes through a pipe in a scratch file without a name, so that it can be read more than once.

@@ -86,6 +86,10 @@ impl<R: Read> Input<R> {
         self.base + self.start as u64
     }
 
+    fn read_so_far(&self) -> u64 {
+        self.base + self.end as u64
+    }
+
     /// Bytes from here to the end, where the length is certain.
     pub(crate) fn remaining(&self) -> Option<u64> {
         self.length.map(|length| length.saturating_sub(self.offset()))
@@ -178,7 +182,15 @@ impl<R: Read> Input<R> {
         }
         loop {
             match self.reader.read(&mut self.buffer[self.end..]) {
-                Ok(0) => self.ended = true,
+                Ok(0) => {
+                    self.ended = true;
+                    if let Some(length) = self.length.filter(|&length| length > self.read_so_far())
+                    {
+                        return Err(self.truncated(format_args!(
+                            "its {length} bytes, which it had when it was opened, are read"
+                        )));
+                    }
+                }
                 Ok(count) => self.end += count,
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
                 Err(error) if error.kind() == ErrorKind::UnexpectedEof => {
@@ -350,6 +362,17 @@ mod tests {
         text.extend(vec![b'y'; 2 * CHUNK]);
         let lines = lines(&text[..]);
         assert_eq!((lines[0].len(), lines[1].len()), (3 * CHUNK, 2 * CHUNK));
+    }
+
+    #[test]
+    fn a_file_that_became_shorter_is_told() {
+        let mut input = Input::new(&b"v 0 0 0\n"[..], "test", Some(20));
+        assert!(input.next_line().unwrap().is_some());
+        let message = input.next_line().unwrap_err().to_string();
+        assert!(
+            message.starts_with("test, byte 8: the file ends before its 20 bytes"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -10,7 +10,7 @@ use base64::engine::general_purpose::STANDARD;
 use gltf::buffer::{Buffer, Source, View};
 
 use super::{EXPORT_AGAIN, malformed};
-use crate::codec::quote::quote;
+use crate::codec::quote::{printable, quote};
 use crate::{Error, Place};
 
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
@@ -164,7 +164,7 @@ impl<'a> Buffers<'a> {
             return Err(malformed(self.name, problem, "fetch it and put its local name there"));
         }
         let path = folder.join(unescape(uri));
-        let name = path.display().to_string();
+        let name = printable(&path.display().to_string());
         let failed = |error| Error::io(&name, "open", error);
         // Before it is opened: opening a pipe would wait for whoever writes it.
         let there = std::fs::metadata(&path).map_err(failed)?;
