@@ -62,7 +62,7 @@ struct Thrift {
     most_held: usize,
     /// Fewest there were when loading was stopped.
     stopped_at: usize,
-    /// Frames in which requests were refused since there were more than ever.
+    /// Frames since then in which requests were refused, or loaded what others had to go for.
     futile: u32,
     is_stopped: bool,
 }
@@ -76,7 +76,7 @@ impl Thrift {
     }
 
     /// Stopped, it goes on when clearly fewer blocks must stay than ever when it was stopped: so it stops for good.
-    fn observe(&mut self, held: usize, refusals: u64) {
+    fn observe(&mut self, held: usize, in_vain: u64) {
         if self.is_stopped {
             if held < self.stopped_at / 10 * 9 {
                 self.is_stopped = false;
@@ -85,7 +85,7 @@ impl Thrift {
         } else if held > self.most_held {
             self.most_held = held;
             self.futile = 0;
-        } else if refusals > 0 {
+        } else if in_vain > 0 {
             self.futile += 1;
             if self.futile == Self::ENOUGH {
                 self.is_stopped = true;
@@ -320,7 +320,9 @@ impl Pager {
     /// To be called before every update of the front: without frames nothing is ever removed.
     pub fn begin_frame(&mut self) {
         let begin = Instant::now();
-        self.thrift.observe(self.residents.num_held_nodes(), self.frame.refusals);
+        // What is loaded while as much goes is as good as refused.
+        let in_vain = self.frame.refusals + self.frame.loads.min(self.frame.evictions);
+        self.thrift.observe(self.residents.num_held_nodes(), in_vain);
         self.total.add(&std::mem::take(&mut self.frame));
         let last_frame = self.residents.clock;
         let others = self.other_bytes();

@@ -36,7 +36,7 @@ pub struct SessionOptions {
     pub dependencies: Dependencies,
     /// What of a node is compared with a pixel. Default [`ViewTest::Deviation`].
     pub test: ViewTest,
-    /// Splits and collapses of a frame at most; what is left, the least wrong, is done in the next ones. Default 4000.
+    /// Splits and collapses of a frame at most; what is left, the least wrong, is done in the next ones. Default 2000.
     pub max_updates: usize,
     /// Frames that a vertex takes to its place after a split, and back before a collapse; 0, the default, for none.
     pub geomorph_frames: u32,
@@ -47,7 +47,7 @@ impl Default for SessionOptions {
         Self {
             dependencies: Dependencies::Order,
             test: ViewTest::Deviation,
-            max_updates: 4000,
+            max_updates: 2000,
             geomorph_frames: 0,
         }
     }

@@ -89,7 +89,7 @@ pub struct Front {
     pending: Vec<Pending>,
     /// Slots split by the operation at hand, forced ones included.
     just_split: Vec<SlotId>,
-    scan: Scan,
+    scans: [Scan; 2],
     morphs: Morphs,
 }
 
@@ -128,7 +128,7 @@ impl Front {
             roots,
             pending: Vec::new(),
             just_split: Vec::new(),
-            scan: Scan::default(),
+            scans: Default::default(),
             morphs: Morphs::default(),
         })
     }
@@ -211,7 +211,7 @@ impl Front {
             + self.leaves.capacity()
             + self.held.memory_bytes()
             + self.free.capacity() * size_of::<SlotId>()
-            + self.scan.memory_bytes()
+            + self.scans.iter().map(Scan::memory_bytes).sum::<usize>()
             + self.morphs.memory_bytes()
     }
 

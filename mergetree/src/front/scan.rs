@@ -15,13 +15,13 @@ pub(crate) struct Scan {
 }
 
 impl Scan {
-    /// Computes the errors of all nodes whose bit is set in `present`, and passes on those that `keep` wants with their
-    /// index, in order. Returns how many were tested.
+    /// Computes the errors of all nodes whose bit is set in `present`, and passes on what `keep` makes of them with the
+    /// node's index, in order. Returns how many were tested.
     pub(crate) fn run(
         &mut self,
         measure: &impl ErrorMeasure,
         (groups, present): (&[BoundsLanes], &[u8]),
-        keep: impl Fn(f32, u32) -> bool + Sync,
+        keep: impl Fn(f32, u32) -> Option<f32> + Sync,
         mut take: impl FnMut(f32, u32),
     ) -> usize {
         let num_chunks = groups.len().div_ceil(CHUNK);
@@ -39,8 +39,10 @@ impl Scan {
                 tests += present.count_ones() as usize;
                 for (lane, error) in measure.errors(bounds).into_iter().enumerate() {
                     let node = (index * LANES + lane) as u32;
-                    if present >> lane & 1 == 1 && keep(error, node) {
-                        found.push((error, node));
+                    if present >> lane & 1 == 1
+                        && let Some(kept) = keep(error, node)
+                    {
+                        found.push((kept, node));
                     }
                 }
             }

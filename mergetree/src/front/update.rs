@@ -20,7 +20,7 @@ pub struct UpdateLimits {
     /// No node is split once there are so many triangles. Default: no limit.
     pub max_triangles: usize,
     /// No node is split once so many splits and collapses were made, and none collapsed once half as many were; what is
-    /// left, the least wrong, is for the next update. Default: no limit.
+    /// left, the least wrong, is for the next update, and so is what a collapse made possible elsewhere. Default: no limit.
     pub max_updates: usize,
 }
 
@@ -64,6 +64,8 @@ pub struct UpdateStats {
     pub update_time: Duration,
 }
 
+/// In place of the error of a node that something holds.
+const HELD: f32 = f32::NEG_INFINITY;
 /// How urgent an error is that is not seen yet.
 const LATER: f32 = 0.1;
 
@@ -149,10 +151,10 @@ impl Front {
     pub fn prefetch(&mut self, store: &mut impl NodeStore, view: &View, tolerance: f32) -> usize {
         let mut wanted = Vec::new();
         let (bounds, absent) = self.frontier.absent_table();
-        self.scan.run(
+        self.scans[1].run(
             view,
             (bounds.groups(), absent),
-            |error, _| error > tolerance,
+            |error, _| (error > tolerance).then_some(error),
             |error, vertex| wanted.push((error, vertex)),
         );
         wanted.sort_unstable_by(|a: &(f32, u32), b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -197,31 +199,39 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
         let Self { front, measure, coarse, fine, held, .. } = self;
         let below = self.limits.tolerance * self.limits.hysteresis;
         let above = self.limits.tolerance;
-        let Front { scan, bounds, leaves, frontier, slots, held: holders, .. } = &mut **front;
+        let Front { scans, bounds, leaves, frontier, slots, held: holders, .. } = &mut **front;
         let (bounds, frontier) = (&*bounds, &*frontier);
-        self.stats.tests += scan.run(
-            *measure,
-            (bounds.groups(), leaves),
-            |error, _| error < below,
-            |_, slot| {
-                if holders.is_held(slot as usize, frontier, slots) {
-                    held.push(slot);
-                } else {
-                    fine.push((bounds.order(slot as usize), slot));
-                }
+        let [of_leaves, of_frontier] = scans;
+        let (collapsible, splittable) = rayon::join(
+            || {
+                of_leaves.run(
+                    *measure,
+                    (bounds.groups(), leaves),
+                    |error, slot| match error < below {
+                        true if holders.is_held(slot as usize, frontier, slots) => Some(HELD),
+                        is_fine => is_fine.then_some(error),
+                    },
+                    |error, slot| match error == HELD {
+                        true => held.push(slot),
+                        false => fine.push((bounds.order(slot as usize), slot)),
+                    },
+                )
+            },
+            || {
+                let (groups, present) = frontier.table();
+                of_frontier.run(
+                    *measure,
+                    (groups.groups(), present),
+                    |error, _| (error > above).then_some(error),
+                    |error, vertex| {
+                        if let Some(id) = frontier.get(vertex).top {
+                            coarse.push(Candidate { error, id, vertex });
+                        }
+                    },
+                )
             },
         );
-        let (groups, present) = frontier.table();
-        self.stats.tests += scan.run(
-            *measure,
-            (groups.groups(), present),
-            |error, _| error > above,
-            |error, vertex| {
-                if let Some(id) = frontier.get(vertex).top {
-                    coarse.push(Candidate { error, id, vertex });
-                }
-            },
-        );
+        self.stats.tests += collapsible + splittable;
         self.stats.test_time += begin.elapsed();
     }
 
@@ -239,7 +249,11 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
                     fine.extend(parent.map(Reverse));
                 }
             }
-            // What was held may be free now.
+            if self.limits.max_updates < usize::MAX || self.stats.collapses == 0 {
+                // What was held and may be free now is for the next update.
+                self.stats.limited |= !fine.is_empty();
+                break;
+            }
             let front = &*self.front;
             let before = fine.len();
             self.held.retain(|&slot| {
@@ -249,8 +263,7 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
                 }
                 is_held
             });
-            if self.stats.collapses >= most || fine.len() == before {
-                self.stats.limited |= !fine.is_empty();
+            if fine.len() == before {
                 break;
             }
         }
