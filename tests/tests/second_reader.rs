@@ -90,7 +90,7 @@ fn a_reader_made_from_the_specification_reads_both_encodings() {
         {
             let mut options = WriteOptions::default();
             options.encoding = encoding;
-            options.page_nodes = page_nodes;
+            options.page_nodes = Some(page_nodes);
             let path = folder.path().join("model.xfm");
             write(&forest, &path, &options).unwrap();
             check(python, &path);

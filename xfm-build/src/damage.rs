@@ -16,7 +16,7 @@ fn sequence() -> Sequence {
 
 fn linked(sequence: &Sequence, folder: &std::path::Path) -> Linked {
     let mut options = LinkOptions::new(sequence.names);
-    options.write.page_nodes = 64;
+    options.write.page_nodes = Some(64);
     options.write.levels = 3;
     options.memory_bytes = options.least_memory_bytes();
     link(sequence, folder, &options).unwrap()

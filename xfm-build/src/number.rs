@@ -397,7 +397,7 @@ impl Linked {
         NumberLoad {
             names: self.names,
             nodes: self.counts.nodes,
-            page_nodes: self.write.page_nodes as u64,
+            page_nodes: self.write.page_nodes() as u64,
             base_vertices: self.coarse.base.vertices.len(),
             base_faces: self.coarse.base.faces.len(),
             chunk_bytes: self.store.chunk_bytes() as u64,
@@ -449,7 +449,7 @@ impl Linked {
         }
         stores.buckets().set_memory_bytes(plan.held);
         let new_packer = || {
-            let [piece_nodes, page_nodes] = [write.piece_nodes(), write.page_nodes];
+            let [piece_nodes, page_nodes] = [write.piece_nodes(), write.page_nodes()];
             Packer::new(piece_nodes as u32, page_nodes as u32, NumberPlan::max_drafts(&load))
         };
         let packed =

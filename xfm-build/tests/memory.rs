@@ -48,7 +48,7 @@ fn check(sequence: &Sequence) {
     let mut continues = |_| ControlFlow::Continue(());
     for more in [0, 300 << 10, 3 << 20, 100 << 20] {
         let mut options = LinkOptions::new(sequence.names);
-        options.write.page_nodes = 64;
+        options.write.page_nodes = Some(64);
         options.colours = !sequence.colours.is_empty();
         options.memory_bytes = options.least_memory_bytes() + more;
         let before = NOW.load(Ordering::Relaxed);

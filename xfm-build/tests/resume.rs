@@ -17,7 +17,7 @@ fn sequence() -> Sequence {
 
 fn options(sequence: &Sequence) -> LinkOptions {
     let mut options = LinkOptions::new(sequence.names);
-    options.write.page_nodes = 64;
+    options.write.page_nodes = Some(64);
     options.colours = !sequence.colours.is_empty();
     options.memory_bytes = options.least_memory_bytes();
     options

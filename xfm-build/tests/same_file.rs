@@ -15,7 +15,7 @@ use xfm_format::{Encoding, PositionError, WriteOptions, XfmFile, verify, write};
 fn write_options(levels: u32, page_nodes: usize) -> WriteOptions {
     let mut options = WriteOptions::default();
     options.levels = levels;
-    options.page_nodes = page_nodes;
+    options.page_nodes = Some(page_nodes);
     options
 }
 

@@ -35,9 +35,11 @@ pub struct WriteOptions {
     /// How far positions may move where the encoding is [`Encoding::Compact`]. Default 2·10⁻⁴ of the diagonal of the bounding
     /// box.
     pub position_error: PositionError,
-    /// Nodes per page at most, 64 to 65536; a page is what is read, unpacked and checked at once. Default 1024.
-    pub page_nodes: usize,
-    /// Nodes at most of a connected piece of a tree that lies in one page as a whole, up to `page_nodes`; a page holds pieces
+    /// Nodes per page at most, 64 to 65536; a page is what is read, unpacked and checked at once. By default 640 for
+    /// [`Encoding::Exact`], of which a page is unpacked within a tenth of a millisecond; 1024 for the other, which is smaller for
+    /// it.
+    pub page_nodes: Option<usize>,
+    /// Nodes at most of a connected piece of a tree that lies in one page as a whole, up to those of a page; a page holds pieces
     /// that hang under the same page. Small ones have a view touch few pages: to show a level of detail takes about half as
     /// many nodes more as a piece has. Large ones make the encoding [`Encoding::Compact`] smaller. By default blocks for
     /// [`Encoding::Exact`], 200 for the other.
@@ -80,7 +82,7 @@ impl Default for WriteOptions {
             levels: 4,
             encoding: Encoding::Exact,
             position_error: PositionError::default(),
-            page_nodes: 1024,
+            page_nodes: None,
             piece_nodes: None,
             origin: DVec3::ZERO,
             precision: Precision::Single,
@@ -96,8 +98,8 @@ impl WriteOptions {
     pub fn check(&self) -> Result<(), Error> {
         for (name, value, min, max) in [
             ("levels per block", u64::from(self.levels), 1, 5),
-            ("nodes per page", self.page_nodes as u64, 64, 65536),
-            ("nodes per piece", self.piece_nodes() as u64, 1, self.page_nodes as u64),
+            ("nodes per page", self.page_nodes() as u64, 64, 65536),
+            ("nodes per piece", self.piece_nodes() as u64, 1, self.page_nodes() as u64),
         ] {
             if !(min..=max).contains(&value) {
                 return Err(Error::Option { name, value, min, max });
@@ -112,13 +114,21 @@ impl WriteOptions {
         Ok(())
     }
 
+    /// Nodes of a page at most: those asked for, or the default.
+    pub fn page_nodes(&self) -> usize {
+        self.page_nodes.unwrap_or(match self.encoding {
+            Encoding::Exact => 640,
+            Encoding::Compact => 1024,
+        })
+    }
+
     /// Nodes of a piece at most: those asked for, or the default.
     pub fn piece_nodes(&self) -> usize {
         let default = match self.encoding {
             Encoding::Exact => (1 << self.levels.min(5)) - 1,
             Encoding::Compact => 200,
         };
-        self.piece_nodes.unwrap_or(default.min(self.page_nodes))
+        self.piece_nodes.unwrap_or(default.min(self.page_nodes()))
     }
 
     /// What nodes are to be rounded to before they are written.

@@ -51,7 +51,7 @@ pub fn write(
     }
     let sizes = CutSizes {
         piece_nodes: options.piece_nodes() as u32,
-        page_nodes: options.page_nodes as u32,
+        page_nodes: options.page_nodes() as u32,
     };
     let layout = Layout::new(forest, numbering, sizes, rounding).map_err(invalid)?;
     let mut base = forest.base.clone();

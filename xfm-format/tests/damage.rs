@@ -20,7 +20,7 @@ fn encoded(forest: &Forest, levels: u32, encoding: Encoding) -> Vec<u8> {
     let path = folder.path().join("x.xfm");
     let mut options = WriteOptions::default();
     options.levels = levels;
-    options.page_nodes = 64;
+    options.page_nodes = Some(64);
     options.encoding = encoding;
     write(forest, &path, &options).unwrap();
     std::fs::read(path).unwrap()

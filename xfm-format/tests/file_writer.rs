@@ -17,7 +17,7 @@ use xfm_format::{
 fn options(levels: u32) -> WriteOptions {
     let mut options = WriteOptions::default();
     options.levels = levels;
-    options.page_nodes = 64;
+    options.page_nodes = Some(64);
     options
 }
 

@@ -122,7 +122,7 @@ fn check(
     let path = folder.path().join("x.xfm");
     let mut options = WriteOptions::default();
     options.levels = levels;
-    options.page_nodes = page_nodes;
+    options.page_nodes = Some(page_nodes);
     options.piece_nodes = Some(piece_nodes);
     write(forest, &path, &options).unwrap();
     let file = XfmFile::open(&path).unwrap();

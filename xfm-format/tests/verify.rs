@@ -14,7 +14,7 @@ use xfm_format::{
 fn options() -> WriteOptions {
     let mut options = WriteOptions::default();
     options.levels = 2;
-    options.page_nodes = 64;
+    options.page_nodes = Some(64);
     options
 }
 

@@ -34,7 +34,7 @@ fn run(bytes: &[u8]) {
     options.write.encoding = if how & 2 == 0 { Encoding::Exact } else { Encoding::Compact };
     options.write.levels = 1 + u32::from(levels) % 5;
     options.write.position_error = PositionError::Units(10f64.powi(i32::from(error % 12) - 9));
-    options.write.page_nodes = 64 + usize::from(more) * 4;
+    options.write.page_nodes = Some(64 + usize::from(more) * 4);
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("case.xfm");
     let mut observer = |_| ControlFlow::Continue(());

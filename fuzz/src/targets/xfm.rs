@@ -48,7 +48,7 @@ fn seeds() -> Vec<Vec<u8>> {
         let mut options = WriteOptions::default();
         options.encoding = encoding;
         options.levels = levels;
-        options.page_nodes = 64;
+        options.page_nodes = Some(64);
         options.position_error = PositionError::Units(1e-3);
         write(&forest, &path, &options).expect("a valid forest");
         seeds.push(std::fs::read(&path).expect("what was written"));

@@ -67,7 +67,7 @@ pub fn bytes(forest: &Forest, page_nodes: usize) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.xfm");
     let mut options = WriteOptions::default();
-    options.page_nodes = page_nodes;
+    options.page_nodes = Some(page_nodes);
     xfm_format::write(forest, &path, &options).unwrap();
     std::fs::read(path).unwrap()
 }
