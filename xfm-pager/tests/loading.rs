@@ -249,7 +249,11 @@ fn what_memory_takes_away_comes_back_with_it() {
 
 #[test]
 fn a_damaged_page_is_named_and_costs_its_own_detail() {
-    let whole = common::bytes(&common::torus(100), 96);
+    damage_pages(common::bytes(&common::torus(100), 96));
+    damage_pages(common::compact_bytes(&common::torus(100), 96));
+}
+
+fn damage_pages(whole: Vec<u8>) {
     let file = common::open(&whole);
     let pages_at = u64::from_le_bytes(whole[168..176].try_into().unwrap());
     let mut finest = 0;

@@ -110,3 +110,51 @@ fn little_memory_finds_what_is_missing_and_nothing_else() {
     let names = folder.names();
     assert!(names.iter().all(|name| name.ends_with(".obj") || name.ends_with(".xfm")), "{names:?}");
 }
+
+/// Python with NumPy, where there is one.
+fn python() -> Option<&'static str> {
+    let works = |python: &&str| {
+        let ran = std::process::Command::new(python).args(["-c", "import numpy"]).output();
+        ran.is_ok_and(|ran| ran.status.success())
+    };
+    ["python3", "python"].into_iter().find(works)
+}
+
+#[test]
+fn the_reader_made_from_the_specification_finds_what_extract_writes() {
+    let Some(python) = python() else {
+        eprintln!("there is no Python with NumPy here");
+        return;
+    };
+    let folder = Folder::new();
+    let input = folder.write("torus.obj", torus(90, 50));
+    for encoding in ["exact", "compact"] {
+        let (file, full) = (folder.file("torus.xfm"), folder.file("full.ply"));
+        xfm(&["build", &input, &file, "--encoding", encoding, "--json"]).json();
+        xfm(&["extract", &file, &full, "--full", "--json"]).json();
+        let reader = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reader/xfm.py");
+        let output = folder.file("read.mesh");
+        let ran = std::process::Command::new(python)
+            .args(["-B", reader, &file, &output])
+            .output()
+            .expect("Python starts");
+        assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+        // Two counts of 64 bits, positions, triangles.
+        let bytes = std::fs::read(output).expect("what it read");
+        let words: Vec<u32> = bytes
+            .chunks_exact(4)
+            .map(|word| u32::from_le_bytes(word.try_into().expect("four bytes")))
+            .collect();
+        let (vertices, triangles) = (words[0] as usize, words[2] as usize);
+        let corner = |v: u32| [0, 1, 2].map(|axis| words[4 + 3 * v as usize + axis]);
+        let mut soup: Vec<[[u32; 3]; 3]> = words[4 + 3 * vertices..][..3 * triangles]
+            .chunks_exact(3)
+            .map(|t| {
+                let [a, b, c] = [t[0], t[1], t[2]].map(corner);
+                [a, b, c].min([b, c, a]).min([c, a, b])
+            })
+            .collect();
+        soup.sort_unstable();
+        assert!((soup, vertices) == mesh_of(&full), "{encoding}");
+    }
+}

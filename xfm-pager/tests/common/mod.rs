@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use glam::Vec3;
 use halfedge::HalfEdgeMesh;
 use mergetree::{BuildOptions, Colour, Forest};
-use xfm_format::{Storage, WriteOptions, XfmFile};
+use xfm_format::{Encoding, Storage, WriteOptions, XfmFile};
 
 /// Numbers that look random and are the same everywhere.
 pub struct Random(pub u64);
@@ -64,10 +64,20 @@ pub fn coloured(mut forest: Forest) -> Forest {
 
 /// A forest as a file's bytes, in pages of so many nodes.
 pub fn bytes(forest: &Forest, page_nodes: usize) -> Vec<u8> {
+    encoded(forest, page_nodes, Encoding::Exact)
+}
+
+/// The same in the encoding compact.
+pub fn compact_bytes(forest: &Forest, page_nodes: usize) -> Vec<u8> {
+    encoded(forest, page_nodes, Encoding::Compact)
+}
+
+fn encoded(forest: &Forest, page_nodes: usize, encoding: Encoding) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.xfm");
     let mut options = WriteOptions::default();
     options.page_nodes = Some(page_nodes);
+    options.encoding = encoding;
     xfm_format::write(forest, &path, &options).unwrap();
     std::fs::read(path).unwrap()
 }

@@ -1,5 +1,7 @@
 //! `xfm info`: what a `.xfm` file holds.
 
+mod histogram;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
@@ -7,6 +9,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 use xfm_format::{Attribute, AttributeType};
 
+use self::histogram::{Histograms, bars};
 use crate::report::ReportTo;
 use crate::{Error, interrupt, text, xfm_file};
 
@@ -43,6 +46,7 @@ struct InfoReport {
     pages: u64,
     tree_depth: u64,
     fill: f64,
+    histograms: Histograms,
     file_bytes: u64,
     bytes: BTreeMap<&'static str, u64>,
     attributes: Vec<AttributeReport>,
@@ -122,6 +126,13 @@ impl fmt::Display for InfoReport {
             self.fill * 100.0,
             text::count(self.pages)
         )?;
+        let Histograms { nodes_of_blocks, depths_of_nodes } = &self.histograms;
+        for (name, counts) in
+            [("nodes of blocks", nodes_of_blocks), ("depths of nodes", depths_of_nodes)]
+        {
+            let counts = counts.get(1..).unwrap_or_default();
+            writeln!(f, "           {name} 1 to {}: {}", counts.len(), bars(counts))?;
+        }
         // As many digits as the input's precision needs.
         let digits = if self.origin == [0.0; 3] { 6 } else { 12 };
         let point = |point: [f64; 3]| point.map(|c| text::number(c, digits)).join(", ");
@@ -187,6 +198,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Error> {
             pages: header.pages,
             tree_depth: header.tree_depth,
             fill: header.fill(),
+            histograms: Histograms::of(&file)?,
             file_bytes: bytes.values().sum(),
             bytes,
             attributes: header.attributes.iter().map(AttributeReport::from).collect(),
