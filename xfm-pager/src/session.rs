@@ -36,8 +36,10 @@ pub struct SessionOptions {
     pub dependencies: Dependencies,
     /// What of a node is compared with a pixel. Default [`ViewTest::Deviation`].
     pub test: ViewTest,
-    /// Splits and collapses of a frame at most; what is left, the least wrong, is done in the next ones. Default 2000.
+    /// Splits and collapses of a frame at most; what is left, the least wrong, is done in the next ones. Default 4000.
     pub max_updates: usize,
+    /// Time for splits, and half as much for collapses, of a frame at most. Default 3 ms.
+    pub max_update_time: Duration,
     /// Frames that a vertex takes to its place after a split, and back before a collapse; 0, the default, for none.
     pub geomorph_frames: u32,
 }
@@ -47,7 +49,8 @@ impl Default for SessionOptions {
         Self {
             dependencies: Dependencies::Order,
             test: ViewTest::Deviation,
-            max_updates: 2000,
+            max_updates: 4000,
+            max_update_time: Duration::from_millis(3),
             geomorph_frames: 0,
         }
     }
@@ -178,6 +181,7 @@ impl Session {
         self.pager.begin_frame();
         let mut limits = UpdateLimits::with_tolerance(tolerance_px);
         limits.max_updates = self.options.max_updates;
+        limits.max_time = self.options.max_update_time;
         if let Detail::Budget(triangles) = detail {
             limits.max_triangles = triangles;
         }

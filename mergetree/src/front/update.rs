@@ -22,11 +22,20 @@ pub struct UpdateLimits {
     /// No node is split once so many splits and collapses were made, and none collapsed once half as many were; what is
     /// left, the least wrong, is for the next update, and so is what a collapse made possible elsewhere. Default: no limit.
     pub max_updates: usize,
+    /// The same for the time that splits and collapses take. Default: no limit. How far an update goes is then the machine's
+    /// affair.
+    pub max_time: Duration,
 }
 
 impl Default for UpdateLimits {
     fn default() -> Self {
-        Self { tolerance: 1.0, hysteresis: 0.8, max_triangles: usize::MAX, max_updates: usize::MAX }
+        Self {
+            tolerance: 1.0,
+            hysteresis: 0.8,
+            max_triangles: usize::MAX,
+            max_updates: usize::MAX,
+            max_time: Duration::MAX,
+        }
     }
 }
 
@@ -138,6 +147,7 @@ impl Front {
             coarse: Vec::new(),
             fine: Vec::new(),
             held: Vec::new(),
+            asked: 0,
         };
         update.test();
         update.coarsen();
@@ -190,6 +200,8 @@ struct Update<'a, S, M> {
     fine: Vec<(u32, u32)>,
     /// Those of them that something holds.
     held: Vec<u32>,
+    /// How often the time was asked for.
+    asked: u32,
 }
 
 impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
@@ -243,13 +255,16 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
             std::mem::take(&mut self.fine).into_iter().map(Reverse).collect();
         loop {
             while self.stats.collapses < most
+                && !self.is_late(begin, 2)
                 && let Some(Reverse((_, slot))) = fine.pop()
             {
                 if let Some(parent) = self.collapse(SlotId::new(slot)) {
                     fine.extend(parent.map(Reverse));
                 }
             }
-            if self.limits.max_updates < usize::MAX || self.stats.collapses == 0 {
+            let is_bounded =
+                self.limits.max_updates < usize::MAX || self.limits.max_time < Duration::MAX;
+            if is_bounded || self.stats.collapses == 0 {
                 // What was held and may be free now is for the next update.
                 self.stats.limited |= !fine.is_empty();
                 break;
@@ -269,6 +284,12 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
         }
         self.stats.held += self.held.len();
         self.stats.update_time += begin.elapsed();
+    }
+
+    /// Whether a share of the time is over; looked at every few times only.
+    fn is_late(&mut self, begin: Instant, parts: u32) -> bool {
+        self.asked = self.asked.wrapping_add(1);
+        self.asked.is_multiple_of(16) && begin.elapsed() > self.limits.max_time / parts
     }
 
     /// Collapses the node of a slot, if it may; then tells its parent, if that is too fine in turn.
@@ -315,6 +336,7 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
         while let Some(&Candidate { error, id, vertex }) = coarse.peek() {
             if self.front.num_triangles() >= self.limits.max_triangles
                 || self.stats.splits + self.stats.collapses >= self.limits.max_updates
+                || self.is_late(begin, 1)
             {
                 self.stats.limited |= self.front.num_triangles() < self.limits.max_triangles;
                 break;

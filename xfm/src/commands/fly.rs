@@ -75,6 +75,9 @@ pub struct FlyArgs {
     /// Splits and collapses of a frame at most
     #[arg(long, value_name = "N", default_value_t = SessionOptions::default().max_updates)]
     max_updates: usize,
+    /// Milliseconds that the splits of a frame may take, the collapses half as many; what is left is done in the next frames
+    #[arg(long, value_name = "MS", default_value = "3", value_parser = values::positive)]
+    update_time: f64,
     /// Frames over which a vertex moves to its place, or back
     #[arg(long, value_name = "N", default_value = "0")]
     geomorph: u32,
@@ -111,6 +114,7 @@ impl FlyArgs {
     fn session_options(&self) -> SessionOptions {
         let mut options = SessionOptions::default();
         options.max_updates = self.max_updates;
+        options.max_update_time = Duration::from_secs_f64(1e-3 * self.update_time);
         options.geomorph_frames = self.geomorph;
         if self.test == "radius" {
             options.test = ViewTest::Radius;

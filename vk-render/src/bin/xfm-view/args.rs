@@ -142,6 +142,7 @@ impl Args {
         if self.offscreen.is_some() {
             // Pictures are the same on every machine: a frame waits for what it needs, and does all there is to do.
             session.max_updates = usize::MAX;
+            session.max_update_time = std::time::Duration::MAX;
             pager.pages_per_frame = usize::MAX;
         } else {
             pager.loaders = PagerOptions::loaders_for_this_machine();
