@@ -38,7 +38,7 @@ pub struct SessionOptions {
     pub test: ViewTest,
     /// Splits and collapses of a frame at most; what is left, the least wrong, is done in the next ones. Default 4000.
     pub max_updates: usize,
-    /// Time for splits, and half as much for collapses, of a frame at most. Default 3 ms.
+    /// Time for splits, and half as much for collapses, of a frame at most. Default 2 ms.
     pub max_update_time: Duration,
     /// Frames that a vertex takes to its place after a split, and back before a collapse; 0, the default, for none.
     pub geomorph_frames: u32,
@@ -50,7 +50,7 @@ impl Default for SessionOptions {
             dependencies: Dependencies::Order,
             test: ViewTest::Deviation,
             max_updates: 4000,
-            max_update_time: Duration::from_millis(3),
+            max_update_time: Duration::from_millis(2),
             geomorph_frames: 0,
         }
     }
