@@ -38,7 +38,8 @@ pub struct SessionOptions {
     pub test: ViewTest,
     /// Splits and collapses of a frame at most; what is left, the least wrong, is done in the next ones. Default 4000.
     pub max_updates: usize,
-    /// Time for splits, and half as much for collapses, of a frame at most. Default 2 ms.
+    /// Time for splits, and half as much for collapses, of a frame at most, where loaders read: without them frames wait
+    /// anyway, and are the same on every machine. Default 2 ms.
     pub max_update_time: Duration,
     /// Frames that a vertex takes to its place after a split, and back before a collapse; 0, the default, for none.
     pub geomorph_frames: u32,
@@ -181,7 +182,9 @@ impl Session {
         self.pager.begin_frame();
         let mut limits = UpdateLimits::with_tolerance(tolerance_px);
         limits.max_updates = self.options.max_updates;
-        limits.max_time = self.options.max_update_time;
+        if self.pager.options().loaders > 0 {
+            limits.max_time = self.options.max_update_time;
+        }
         if let Detail::Budget(triangles) = detail {
             limits.max_triangles = triangles;
         }
