@@ -256,7 +256,7 @@ fn a_damaged_page_is_named_and_costs_its_own_detail() {
 fn damage_pages(whole: Vec<u8>) {
     let file = common::open(&whole);
     let pages_at = u64::from_le_bytes(whole[168..176].try_into().unwrap());
-    let mut finest = 0;
+    let mut shown = Vec::new();
     for page in (0..file.num_pages()).step_by(7) {
         let mut bytes = whole.clone();
         let before: u64 = (0..page).map(|page| file.page_bytes(page).unwrap()).sum();
@@ -265,14 +265,17 @@ fn damage_pages(whole: Vec<u8>) {
         let camera = camera(Vec3::new(0.1, 9.0, 0.1));
         let stats = session.settle(&camera, Detail::Pixels(0.01), LONG);
         validate(&session);
-        finest = finest.max(stats.triangles_shown);
+        shown.push(stats.triangles_shown);
         let named: Vec<_> = session.pager().problems().iter().map(|p| p.page).collect();
         assert_eq!(named, [page]);
     }
     let mut session = session(whole, PagerOptions::default());
     let camera = camera(Vec3::new(0.1, 9.0, 0.1));
     let stats = session.settle(&camera, Detail::Pixels(0.01), LONG);
-    assert!(10 * finest > 9 * stats.triangles_shown, "{finest} of {}", stats.triangles_shown);
+    // What is in a page, what hangs below it, and what depends on that: much for the pages of the roots, little for most.
+    shown.sort_unstable();
+    let median = shown[shown.len() / 2];
+    assert!(4 * median > 3 * stats.triangles_shown, "{shown:?} of {}", stats.triangles_shown);
 }
 
 #[test]
