@@ -3,17 +3,19 @@
 //! Both are connected pieces of a tree of limited size. Whoever goes through a tree with children before parents, in
 //! memory or in a stream, needs no more of a subtree than the [`OpenPiece`] its top lies in.
 
-/// How many nodes a block and a page hold at most.
+/// How many nodes a block and a piece that lies in one page have at most.
 ///
 /// # Sources
 /// Kundu and Misra, *A linear tree partitioning algorithm*, SIAM Journal on Computing 6(1), 1977: where the piece of a
 /// node becomes too large, the heaviest of its children's pieces are cut off. No partition into connected pieces of that
-/// size has fewer; so there are as few pages as can be, and as few blocks as can be where no page ends.
+/// size has fewer; so there are as few pieces as can be, and as few blocks as can be where no piece ends. What is called
+/// the page of a node here is the connected piece that lies in one page; a page of a file holds several
+/// ([`PagePacker`](crate::PagePacker)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CutRule {
     /// Nodes per block, 1 to 255.
     pub block_nodes: u32,
-    /// Nodes per page, at least 1. The end of a page is the end of a block too.
+    /// Nodes of a piece that lies in one page, at least 1. Its end is the end of a block too.
     pub page_nodes: u32,
 }
 
@@ -83,20 +85,6 @@ impl CutRule {
             }
         }
         (joined, cuts)
-    }
-
-    /// Which of some trees begin a page, from the pieces of their roots: trees that follow each other share a page while
-    /// it holds them. The first one always begins a page.
-    ///
-    /// Of the trees below them the pages that [`join`](Self::join) cut off share nothing.
-    pub fn gather(self, roots: impl IntoIterator<Item = OpenPiece>) -> impl Iterator<Item = bool> {
-        let mut used = None;
-        roots.into_iter().map(move |root| {
-            let together = used.map(|used: u32| used.saturating_add(root.page_nodes));
-            let shared = together.filter(|&nodes| nodes <= self.page_nodes);
-            used = Some(shared.unwrap_or(root.page_nodes));
-            shared.is_none()
-        })
     }
 }
 
@@ -238,17 +226,5 @@ mod tests {
         let (joined, cuts) = rule.join(piece(2, 60), piece(15, 40));
         assert_eq!(cuts, [Cut::Page, Cut::Block]);
         assert_eq!(joined, OpenPiece { block_nodes: 1, page_nodes: 41, page_blocks: 4 });
-    }
-
-    #[test]
-    fn trees_share_pages_while_they_fit() {
-        let rule = CutRule { block_nodes: 15, page_nodes: 10 };
-        let roots = [3, 7, 1, 10, 4, 4, 4, u32::MAX, 1].map(|page_nodes| OpenPiece {
-            block_nodes: 1,
-            page_nodes,
-            page_blocks: 1,
-        });
-        let begin: Vec<bool> = rule.gather(roots).collect();
-        assert_eq!(begin, [true, false, true, true, true, false, true, true, true]);
     }
 }
