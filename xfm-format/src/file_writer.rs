@@ -35,13 +35,12 @@ pub struct WriteOptions {
     /// How far positions may move where the encoding is [`Encoding::Compact`]. Default 2·10⁻⁴ of the diagonal of the bounding
     /// box.
     pub position_error: PositionError,
-    /// Nodes per page at most, 64 to 65536; a page is what is read, unpacked and checked at once. By default 640 for
+    /// Nodes per page at most, 64 to 65536; a page is what is read, unpacked and checked at once. By default 600 for
     /// [`Encoding::Exact`], of which a page is unpacked within a tenth of a millisecond; 1024 for the other, which is smaller for
     /// it.
     pub page_nodes: Option<usize>,
     /// Nodes at most of a connected piece of a tree that lies in one page as a whole, up to those of a page; a page holds pieces
-    /// that hang under the same page. Small ones have a view touch few pages: to show a level of detail takes about half as
-    /// many nodes more as a piece has. Large ones make the encoding [`Encoding::Compact`] smaller. By default blocks for
+    /// that hang under the same page. Small ones have a view touch few pages: of a piece that is touched all of its page comes. Large ones make the encoding [`Encoding::Compact`] smaller. By default blocks for
     /// [`Encoding::Exact`], 200 for the other.
     pub piece_nodes: Option<usize>,
     /// Where the origin of the positions lies in the frame of the input, in model units. Default zero.
@@ -117,7 +116,7 @@ impl WriteOptions {
     /// Nodes of a page at most: those asked for, or the default.
     pub fn page_nodes(&self) -> usize {
         self.page_nodes.unwrap_or(match self.encoding {
-            Encoding::Exact => 640,
+            Encoding::Exact => 600,
             Encoding::Compact => 1024,
         })
     }
