@@ -28,6 +28,7 @@ pub mod fuzz;
 // `gen` is a keyword of the 2024 edition, so the module has the verb's whole name.
 #[path = "gen/mod.rs"]
 pub mod generate;
+mod picture;
 pub mod process;
 pub mod setup;
 pub mod test;

@@ -4,6 +4,8 @@ mod chart;
 mod results;
 mod scale;
 
+pub use results::circumstances;
+
 use crate::{Error, process};
 
 /// The crates that have benchmarks.
