@@ -80,8 +80,8 @@ pub struct StreamDecimator {
     inserter: Inserter,
     decimation: Decimation,
     read: u64,
-    /// How many had been read when the buffer was last decimated to the resolution asked for.
-    read_at_level: u64,
+    /// Triangles left in the buffer when there was room again, without those that waited.
+    left: usize,
     written: u64,
     peak: usize,
     sealed: u64,
@@ -134,7 +134,7 @@ impl StreamDecimator {
             inserter,
             decimation: Decimation::new(rules, options.candidates, options.seed),
             read: 0,
-            read_at_level: 0,
+            left: 0,
             written: 0,
             peak: 0,
             sealed: 0,
@@ -219,7 +219,12 @@ impl StreamDecimator {
         }
         let target = self.target.triangles(self.read);
         let goal = target.map_or(0, |target| target.saturating_sub(self.written)) as usize;
-        let sweep_goal = self.sweep_goal(goal);
+        let share = match self.ratio > 0.0 {
+            true => self.ratio,
+            false => goal as f64 / self.read.max(1) as f64,
+        };
+        let far = (SWEPT * goal as f64) as usize;
+        let sweep_goal = self.sweep_goal(goal, far, share, 0);
         self.settle_and_run(goal, 0, [sweep_goal, goal]);
         let output = self.written + self.portion.num_triangles() as u64;
         let missed = target.filter(|&target| output > target).map(|target| {
@@ -294,17 +299,18 @@ impl StreamDecimator {
             Some(expected) => self.ratio * expected as f64 - self.written as f64,
             None => 0.0,
         };
-        let most = self.capacity - self.capacity / 4;
+        let most = self.capacity / 8 * 5;
         let kept = if rest <= self.capacity as f64 { rest.min(most as f64) } else { 0.0 };
         let goal = half.max(level.max(kept) as usize);
         let at_level = goal as f64 <= level;
         // Sweeps are for what is far from that.
-        let far = SWEPT * (level - waiting as f64) + waiting as f64;
-        let sweep_goal = match at_level {
-            true => self.sweep_goal(goal),
+        let far = (SWEPT * (level - waiting as f64) + waiting as f64).max(kept) as usize;
+        let sweep_goal = match far {
             // How much is wanted in the end is not known everywhere.
-            false if self.ratio == 0.0 => goal,
-            false => (half / 2).max(far.max(kept) as usize),
+            _ if self.ratio == 0.0 => goal,
+            far if far <= goal => far.max(half / 2),
+            far if at_level => self.sweep_goal(goal, far, self.ratio, waiting as usize),
+            far => self.sweep_goal(goal, far, goal as f64 / self.read as f64, waiting as usize),
         };
         self.settle_and_run(goal, slack, [sweep_goal, goal.min(level as usize)]);
         // What stays can still be decimated; but it takes room from what is read next.
@@ -319,17 +325,17 @@ impl StreamDecimator {
             // Neither decimated nor written: it waits.
             return Err(self.unsorted(self.portion.num_waiting_triangles()));
         }
+        self.left = self.portion.num_triangles().saturating_sub(waiting as usize);
         self.inserter.begin(&mut self.portion, self.capacity / 4);
         Ok(())
     }
 
-    /// Where sweeps end on the way to a goal at the resolution asked for: at some times as many triangles as those read
-    /// since that was reached last will have become.
-    fn sweep_goal(&mut self, goal: usize) -> usize {
-        let fresh = self.read - std::mem::replace(&mut self.read_at_level, self.read);
-        let ratio =
-            if self.ratio > 0.0 { self.ratio } else { goal as f64 / self.read.max(1) as f64 };
-        goal + ((SWEPT - 1.0) * ratio * fresh as f64) as usize
+    /// Where sweeps end on the way to a goal that is a share of what was read: not below `far`, nor where what is new since the
+    /// buffer was decimated last has become some times as much as it will in the end. What is older stays for the rounds.
+    fn sweep_goal(&self, goal: usize, far: usize, share: f64, waiting: usize) -> usize {
+        let old = self.left + waiting;
+        let fresh = self.portion.num_triangles().saturating_sub(old);
+        far.min(old + (SWEPT * share * fresh as f64) as usize).max(goal)
     }
 
     /// Makes candidates of all vertices that have become complete, and decimates to the goal, the first part in sweeps.
