@@ -1,10 +1,16 @@
 //! The header: what the file holds and where.
 
+mod attribute;
+
 use glam::{DVec3, Vec3};
 
 use crate::error::{Defect, Place};
 use crate::numbering::Numbering;
 use crate::rounding::Rounding;
+
+use attribute::ATTRIBUTE_LEN;
+pub use attribute::{Attribute, AttributeCoding, AttributeType};
+pub(crate) use attribute::{MoreAttribute, NUM_STANDARD, standard_attributes};
 
 /// First bytes of every file: a name, a byte above 127 and line ends, so that a transfer as text shows.
 pub(crate) const MAGIC: [u8; 8] = *b"XFM\x8f\r\n\x1a\n";
@@ -14,8 +20,6 @@ pub const VERSION: u32 = 2;
 pub(crate) const MUST_KNOW: u64 = 0xffff_ffff;
 /// Length of the header without attribute table and checksum.
 pub(crate) const FIXED_LEN: usize = 256;
-/// Length of one entry of the attribute table.
-pub(crate) const ATTRIBUTE_LEN: usize = 32;
 /// Length of what the encoding `compact` adds after the attribute table.
 pub(crate) const COMPACT_LEN: usize = 32;
 /// More attributes than this are not believed.
@@ -96,142 +100,6 @@ impl Precision {
             Self::Double => "double",
         }
     }
-}
-
-/// What the numbers of an attribute are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum AttributeType {
-    /// Single-precision floating point.
-    F32,
-    /// Two signed 16-bit fractions of an octahedral unit vector.
-    Octahedral,
-    /// A non-negative floating-point number in 16 bits, rounded up.
-    F16Up,
-    /// A byte, of which 255 stands for one.
-    U8,
-    /// A type that this reader does not know; it reads over the attribute.
-    Other(u8),
-}
-
-impl AttributeType {
-    fn code(self) -> u8 {
-        match self {
-            Self::F32 => 0,
-            Self::Octahedral => 1,
-            Self::F16Up => 2,
-            Self::U8 => 3,
-            Self::Other(code) => code,
-        }
-    }
-
-    fn from_code(code: u8) -> Self {
-        match code {
-            0 => Self::F32,
-            1 => Self::Octahedral,
-            2 => Self::F16Up,
-            3 => Self::U8,
-            code => Self::Other(code),
-        }
-    }
-}
-
-/// How the numbers of an attribute lie in a page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum AttributeCoding {
-    /// As a column for each component; the first five attributes of a compact file as that encoding says.
-    Columns,
-    /// As symbols and bits of its own, after those of the page.
-    Symbols,
-}
-
-impl AttributeCoding {
-    fn code(self) -> u8 {
-        match self {
-            Self::Columns => 0,
-            Self::Symbols => 1,
-        }
-    }
-
-    fn from_code(code: u8) -> Option<Self> {
-        match code {
-            0 => Some(Self::Columns),
-            1 => Some(Self::Symbols),
-            _ => None,
-        }
-    }
-
-    /// The name users know it by.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Columns => "columns",
-            Self::Symbols => "symbols",
-        }
-    }
-}
-
-/// One attribute that every node has.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Attribute {
-    /// Its name, at most 16 bytes of UTF-8.
-    pub name: String,
-    /// Unit of its numbers, at most 12 bytes of UTF-8.
-    pub unit: String,
-    /// What its numbers are.
-    pub kind: AttributeType,
-    /// How many numbers there are for every node.
-    pub components: u8,
-    /// How they lie in a page.
-    pub coding: AttributeCoding,
-}
-
-impl Attribute {
-    /// Colours of vertices, as files of this encoding have them.
-    pub(crate) fn colour(encoding: Encoding) -> Self {
-        Self {
-            name: "colour".into(),
-            unit: "1/255".into(),
-            kind: AttributeType::U8,
-            components: 4,
-            coding: match encoding {
-                Encoding::Exact => AttributeCoding::Columns,
-                Encoding::Compact => AttributeCoding::Symbols,
-            },
-        }
-    }
-}
-
-/// How many attributes every file begins with.
-const NUM_STANDARD: usize = 5;
-
-/// The attributes that every file begins with.
-pub(crate) fn standard_attributes() -> Vec<Attribute> {
-    let standard: [_; NUM_STANDARD] = [
-        ("position", "model", AttributeType::F32, 3),
-        ("normal", "unit vector", AttributeType::Octahedral, 2),
-        ("radius", "model", AttributeType::F16Up, 1),
-        ("cone sine", "", AttributeType::F16Up, 1),
-        ("deviation", "model", AttributeType::F16Up, 1),
-    ];
-    let attributes = standard.map(|(name, unit, kind, components)| Attribute {
-        name: name.into(),
-        unit: unit.into(),
-        kind,
-        components,
-        coding: AttributeCoding::Columns,
-    });
-    attributes.into()
-}
-
-/// An attribute after the standard ones, which are those of all vertices: what there is of it in a page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum MoreAttribute {
-    Colour,
-    /// One that this version reads over: so many columns.
-    Columns(u8),
-    /// One that this version reads over: symbols and bits for so many components.
-    Symbols(u8),
 }
 
 /// Where a part of the file lies.
@@ -412,13 +280,7 @@ impl Header {
         out.push(self.precision.code());
         out.resize(FIXED_LEN, 0);
         for attribute in &self.attributes {
-            let at = out.len();
-            out.extend(attribute.name.as_bytes());
-            out.resize(at + 16, 0);
-            out.extend(attribute.unit.as_bytes());
-            out.resize(at + 28, 0);
-            let coding = attribute.coding.code();
-            out.extend([attribute.kind.code(), attribute.components, coding, 0]);
+            attribute.encode(&mut out);
         }
         if self.encoding == Encoding::Compact {
             let at = out.len();
@@ -508,8 +370,9 @@ impl Header {
         if len != encoded_len(encoding, num_attributes) {
             return Err(defect(format!("{num_attributes} attributes in {len} bytes")).into());
         }
-        let attributes =
-            (0..num_attributes).map(|_| fields.attribute()).collect::<Result<Vec<_>, Defect>>()?;
+        let attributes = (0..num_attributes)
+            .map(|_| Ok(Attribute::decode(&fields.array()?)?))
+            .collect::<Result<Vec<_>, HeaderProblem>>()?;
         let rounding = match encoding {
             Encoding::Exact => Rounding::EXACT,
             Encoding::Compact => fields.rounding()?,
@@ -692,27 +555,4 @@ impl Fields<'_> {
         self.zeros(COMPACT_LEN - 16)?;
         Ok(rounding)
     }
-
-    fn attribute(&mut self) -> Result<Attribute, Defect> {
-        let cut = |_| defect("the attribute table is cut short");
-        let name = text(&self.array::<16>().map_err(cut)?)?;
-        let unit = text(&self.array::<12>().map_err(cut)?)?;
-        let [kind, components, coding, reserved] = self.array::<4>().map_err(cut)?;
-        if reserved != 0 {
-            return Err(defect(format!("reserved bytes of attribute {name} are not zero")));
-        }
-        let coding = AttributeCoding::from_code(coding)
-            .ok_or_else(|| defect(format!("a coding of number {coding} for attribute {name}")))?;
-        Ok(Attribute { name, unit, kind: AttributeType::from_code(kind), components, coding })
-    }
-}
-
-/// Text padded with zeros.
-fn text(bytes: &[u8]) -> Result<String, Defect> {
-    let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
-    let (text, padding) = bytes.split_at(end);
-    if padding.iter().any(|&byte| byte != 0) {
-        return Err(defect("an attribute's text goes on after its end"));
-    }
-    String::from_utf8(text.to_vec()).map_err(|_| defect("an attribute's text is not UTF-8"))
 }

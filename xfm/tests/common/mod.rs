@@ -1,6 +1,8 @@
 //! Runs the binary on small meshes in a directory of its own.
 #![allow(dead_code, reason = "every test file uses some of these")]
 
+pub mod mesh;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -154,4 +156,9 @@ pub fn torus(n: u32, m: u32) -> String {
         }
     }
     obj
+}
+
+/// What `xfm decimate` reports.
+pub fn decimate(input: &str, output: &str, how: &[&str]) -> serde_json::Value {
+    xfm(&[&["decimate", input, output, "--json"], how].concat()).json()
 }
