@@ -50,6 +50,10 @@ pub struct Pager {
     frame: Counters,
     total: Counters,
     peak_bytes: usize,
+    /// What memory does not exceed: the hard quota; or, while that was lowered and is not met yet, what there is.
+    allowed_bytes: usize,
+    /// What it was nevertheless, at most.
+    exceeded: Option<usize>,
     /// Frame in which no block was found that could go; none will be before the next.
     exhausted: Option<u32>,
     thrift: Thrift,
@@ -163,6 +167,8 @@ impl Pager {
             frame: Counters::default(),
             total: Counters::default(),
             peak_bytes: 0,
+            allowed_bytes: options.hard_quota_bytes,
+            exceeded: None,
             exhausted: None,
             thrift: Thrift::new(),
             options,
@@ -232,13 +238,18 @@ impl Pager {
     pub fn set_quotas(&mut self, soft_quota_bytes: usize, hard_quota_bytes: usize) {
         self.options.hard_quota_bytes = hard_quota_bytes;
         self.options.soft_quota_bytes = soft_quota_bytes.min(hard_quota_bytes);
+        self.allowed_bytes = hard_quota_bytes.max(self.resident_bytes());
         self.exhausted = None;
         self.view_changed();
         let others = self.other_bytes() - self.source_bytes() + self.residents.held_bytes();
         let pages = self.pages_in_flight(hard_quota_bytes.saturating_sub(others));
+        let room = hard_quota_bytes.saturating_sub(self.resident_bytes());
         if let Source::Loaders(loader) = &mut self.source {
-            loader.resize(pages);
+            // What fills the memory now may go in time, but has not yet.
+            let [present, page_bytes] = loader.pages();
+            loader.resize(pages.min(present + room / page_bytes));
         }
+        self.note_peak();
     }
 
     /// How node ids are made of block and slot.
@@ -331,14 +342,33 @@ impl Pager {
             others + residents.bytes() - residents.free_bytes() > soft
         });
         self.frame.evictions += evicted as u64;
-        if self.resident_bytes() > self.options.hard_quota_bytes {
-            // The quota was lowered: what is used has to be in fewer chunks of memory.
-            self.residents.compact();
-        }
+        self.meet_hard_quota();
+        let met = self.resident_bytes().min(self.allowed_bytes);
+        self.allowed_bytes = met.max(self.options.hard_quota_bytes);
         self.residents.clock += 1;
         self.take_over();
         self.requested.clear();
         self.frame.handover_time += begin.elapsed();
+    }
+
+    /// Where the quota was lowered: what is used has to be in fewer chunks of memory, and where that is not enough be less.
+    fn meet_hard_quota(&mut self) {
+        let hard = self.options.hard_quota_bytes;
+        if self.resident_bytes() <= hard {
+            return;
+        }
+        self.residents.compact();
+        let excess = self.resident_bytes().saturating_sub(hard);
+        if excess == 0 {
+            return;
+        }
+        // Every chunk may keep holes.
+        let enough = (self.used_bytes() - self.other_bytes()).saturating_sub(2 * excess);
+        let used = |residents: &Residents| residents.bytes() - residents.free_bytes();
+        let evicted =
+            self.residents.evict(self.residents.clock, |residents| used(residents) > enough);
+        self.frame.evictions += evicted as u64;
+        self.residents.compact();
     }
 
     /// Ends a frame: what was requested in it goes to the loaders, in place of what the last one requested.
@@ -493,6 +523,16 @@ impl Pager {
         self.residents.contains(block)
     }
 
+    /// A node, if it is resident; does not count as looking at it.
+    pub(crate) fn peek(&self, id: NodeId) -> Option<&Node> {
+        self.residents.peek(id)
+    }
+
+    /// Number of nodes that are split, counted anew.
+    pub(crate) fn num_split(&self) -> usize {
+        self.residents.num_split()
+    }
+
     fn is_lost(&self, page: usize) -> bool {
         let (failures, frame) = self.failures[page];
         failures == DAMAGED || failures > 0 && frame == self.residents.clock
@@ -529,10 +569,15 @@ impl Pager {
     }
 
     fn note_peak(&mut self) {
-        self.peak_bytes = self.peak_bytes.max(self.resident_bytes());
+        let bytes = self.resident_bytes();
+        self.peak_bytes = self.peak_bytes.max(bytes);
+        if bytes > self.allowed_bytes {
+            self.exceeded = self.exceeded.max(Some(bytes));
+        }
     }
 
-    /// Checks every invariant: directory, lists and counts agree, and memory is within the hard quota.
+    /// Checks every invariant: directory, lists and counts agree, what memory is said to be taken is taken, and it is and always
+    /// was within the hard quota. One that was [lowered](Self::set_quotas) may be exceeded still, but never by more than before.
     ///
     /// # Complexity
     /// Linear in the number of blocks of the file.
@@ -542,8 +587,19 @@ impl Pager {
     pub fn validate(&self) -> Result<(), String> {
         self.residents.validate()?;
         let (bytes, hard) = (self.resident_bytes(), self.options.hard_quota_bytes);
-        if bytes.max(self.peak_bytes) > hard {
-            return Err(format!("{bytes} bytes, at most {}, of {hard}", self.peak_bytes));
+        let exceeded = Some(bytes).filter(|&bytes| bytes > self.allowed_bytes);
+        if let Some(most) = self.exceeded.max(exceeded) {
+            return Err(format!("memory was {most} bytes, allowed are {hard}"));
+        }
+        let most_page = match &self.source {
+            Source::Loaders(loader) => {
+                loader.validate()?;
+                0
+            }
+            Source::Caller(at_once) => at_once.page.memory_bytes(),
+        };
+        if most_page > self.page_bytes {
+            return Err(format!("a page takes {most_page} bytes, counted are {}", self.page_bytes));
         }
         for root in self.file.base().roots() {
             let block = self.numbering().block(root);

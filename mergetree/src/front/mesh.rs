@@ -292,6 +292,23 @@ impl ActiveMesh {
         Ok(u)
     }
 
+    /// Vertices that faces name, less edges, plus faces.
+    ///
+    /// # Complexity
+    /// Linear in the number of faces.
+    pub(crate) fn euler(&self) -> i64 {
+        let present = |&h: &usize| self.has_face(HalfEdgeId::from_index(h).face());
+        let mut vertices: i64 = 0;
+        let mut half_edges: i64 = 0;
+        let mut boundary: i64 = 0;
+        for h in (0..self.reverse.len()).filter(present).map(HalfEdgeId::from_index) {
+            half_edges += 1;
+            boundary += i64::from(self.reverse(h).is_none());
+            vertices += i64::from(self.out(self.start(h)) == Some(h));
+        }
+        vertices - (half_edges + boundary) / 2 + half_edges / 3
+    }
+
     /// Whether a face is there.
     #[inline]
     pub(crate) fn has_face(&self, f: FaceId) -> bool {
