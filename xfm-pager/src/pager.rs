@@ -35,6 +35,7 @@ const DAMAGED: u8 = u8::MAX;
 pub struct Pager {
     file: Arc<XfmFile>,
     options: PagerOptions,
+    least_quota: usize,
     residents: Residents,
     source: Source,
     /// Per page the number of attempts that failed, or [`DAMAGED`], and the frame of the last one.
@@ -164,6 +165,7 @@ impl Pager {
             urgencies: vec![UNWANTED; file.num_pages()],
             wanted: Vec::with_capacity(most_requests),
             page_bytes: file.largest_page_bytes()[0],
+            least_quota: 0,
             frame: Counters::default(),
             total: Counters::default(),
             peak_bytes: 0,
@@ -186,6 +188,7 @@ impl Pager {
             }
         };
         let minimum = resident + loaders(pager.pages_in_flight(0));
+        pager.least_quota = minimum;
         if minimum > options.hard_quota_bytes {
             return Err(Error::QuotaTooSmall {
                 file: pager.file.path().into(),
@@ -250,6 +253,11 @@ impl Pager {
             loader.resize(pages.min(present + room / page_bytes));
         }
         self.note_peak();
+    }
+
+    /// The least hard quota that this file can be opened with, in bytes.
+    pub fn least_quota_bytes(&self) -> usize {
+        self.least_quota
     }
 
     /// How node ids are made of block and slot.

@@ -60,8 +60,7 @@ fn jump(bytes: &[u8], loaders: usize, seed: u64) {
             session.pager().wait(Duration::from_micros(200));
         }
         if jump % 4 == 3 {
-            let stats =
-                session.settle(&camera, Detail::Pixels(tolerance), Duration::from_secs(60));
+            let stats = session.settle(&camera, Detail::Pixels(tolerance), Duration::from_secs(60));
             session.validate().unwrap_or_else(|what| panic!("seed {seed}, jump {jump}: {what}"));
             assert!(stats.resident_bytes <= hard, "seed {seed}, jump {jump}: {stats:?} of {hard}");
         }

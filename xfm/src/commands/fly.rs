@@ -219,8 +219,12 @@ fn fly(args: &FlyArgs) -> Result<FlyReport, Error> {
         Route::Jumps(jumps) => Some(jumps.report()),
         Route::Path(..) => None,
     };
-    let landing =
-        Landing { settling, jumps, memory, validations: flight.validations(args.validate.is_some()) };
+    let landing = Landing {
+        settling,
+        jumps,
+        memory,
+        validations: flight.validations(args.validate.is_some()),
+    };
     Ok(FlyReport::new(&record, landing, flight.session(), args.hard_quota))
 }
 

@@ -1,7 +1,6 @@
 //! The command `bench`: how fast the hot parts are, and how cost grows with the model.
 
-mod chart;
-mod results;
+pub(crate) mod results;
 mod scale;
 
 use crate::{Error, process};

@@ -97,7 +97,7 @@ impl Flight {
             detail: args.detail(),
             fps: args.fps,
             quotas: [options.soft_quota_bytes, options.hard_quota_bytes],
-            least_quota: session.pager().resident_bytes().min(options.hard_quota_bytes),
+            least_quota: session.pager().least_quota_bytes().min(options.hard_quota_bytes),
             validate: args.validate.map(|every| every.get() as usize),
             own_reads,
             frame: 0,

@@ -34,6 +34,8 @@ pub struct FlyReport {
     /// What the front takes, active mesh included.
     front_bytes: usize,
     hard_quota: u64,
+    /// The least hard quota that the file can be opened with.
+    least_quota: usize,
     damaged_pages: usize,
     /// Frames in which memory did not suffice for the error asked for.
     frames_short_of_memory: usize,
@@ -103,6 +105,7 @@ impl FlyReport {
             bytes_per_node: stats.resident_bytes as f64 / stats.resident_nodes.max(1) as f64,
             front_bytes: session.front().memory_bytes(),
             hard_quota,
+            least_quota: session.pager().least_quota_bytes(),
             damaged_pages: stats.damaged_pages,
             frames_short_of_memory: record.num_short_of_memory(),
             first_frame_s: record.first().map_or(0.0, |frame| frame.time.as_secs_f64()),
