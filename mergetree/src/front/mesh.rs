@@ -98,6 +98,9 @@ impl ActiveMesh {
         self.vertices.capacity() * size_of::<FrontVertex>()
             + self.triangles.capacity() * size_of::<[u32; 3]>()
             + (self.reverse.capacity() + self.out.capacity()) * size_of::<Option<HalfEdgeId>>()
+            + self.fan.capacity() * size_of::<HalfEdgeId>()
+            + self.dirty_vertices.memory_bytes()
+            + self.dirty_faces.memory_bytes()
     }
 
     /// Half-edge `k` (0 to 5) of a slot: `h, a, b` of the first face, `h', d, e` of the second.

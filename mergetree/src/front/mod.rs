@@ -214,7 +214,10 @@ impl Front {
             + self.slots.capacity() * size_of::<Slot>()
             + self.leaves.capacity()
             + self.held.memory_bytes()
-            + self.free.capacity() * size_of::<SlotId>()
+            + (self.free.capacity() + self.just_split.capacity()) * size_of::<SlotId>()
+            + self.colours.capacity() * size_of::<Colour>()
+            + self.roots.capacity() * size_of::<(NodeId, u32)>()
+            + self.pending.capacity() * size_of::<Pending>()
             + self.scans.iter().map(Scan::memory_bytes).sum::<usize>()
             + self.morphs.memory_bytes()
     }

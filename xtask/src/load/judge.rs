@@ -47,7 +47,7 @@ pub fn verdict(flight: &Flight, report: &Value) -> Option<String> {
 /// A line for each flight.
 pub fn table(flown: &[Flown]) -> String {
     let mut lines = vec![format!(
-        "{:<11} {:>8} {:>7} {:>8} {:>15} {:>15} {:>8} {:>26}  {}",
+        "{:<11} {:>8} {:>7} {:>8} {:>15} {:>15} {:>8} {:>26}",
         "flight",
         "frames",
         "jumps",
@@ -56,7 +56,6 @@ pub fn table(flown: &[Flown]) -> String {
         "frame ms/max",
         "damaged",
         "memory MiB, 2nd to last ¼",
-        "",
     )];
     for Flown { name, report, verdict } in flown {
         let number = |path: &str| report.pointer(path).and_then(Value::as_f64).unwrap_or(f64::NAN);
