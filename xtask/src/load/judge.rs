@@ -7,14 +7,19 @@ use super::flights::{Fate, Flight, Flown};
 /// How much more memory the last quarter of a flight may have than the second, as a share …
 const GROWTH: f64 = 0.05;
 /// … and in bytes: an allocator does not give back every page at once.
-const LEAST_GROWTH: f64 = 512.0 * 1024.0;
+const LEAST_GROWTH: f64 = 256.0 * 1024.0;
 /// Seconds that no frame takes, however busy the machine is, unless it waits for something.
 const HANGS: f64 = 1.0;
 
 /// What does not hold, if something does not.
 pub fn verdict(flight: &Flight, report: &Value) -> Option<String> {
     let number = |path: &str| report.pointer(path).and_then(Value::as_f64);
-    for what in ["anonymous", "front", "pager"] {
+    // The pager's goes up and down with its quotas.
+    let (pager, quota) = (number("/resident_bytes"), number("/hard_quota"));
+    if pager.zip(quota).is_none_or(|(pager, quota)| pager > quota) {
+        return Some("the pager took more than its quota".into());
+    }
+    for what in ["anonymous", "front"] {
         let quarter = |name: &str| number(&format!("/memory/{what}/{name}"));
         // Where the system does not tell the memory of processes, there is nothing to judge.
         let both = quarter("second_quarter").zip(quarter("last_quarter"));
@@ -95,10 +100,10 @@ mod tests {
     fn report() -> Value {
         let trend = json!({ "second_quarter": 20e6, "last_quarter": 20.4e6, "growth": 0.02 });
         json!({
-            "frames": 100, "damaged_pages": 0, "validations": 3,
+            "frames": 100, "resident_bytes": 9e6, "hard_quota": 9e6, "damaged_pages": 0, "validations": 3,
             "frame_s": { "median": 0.001, "max": 0.01 },
             "jumps": { "jumps": 7, "unsettled": 0, "settle_s": { "median": 0.5, "max": 1.5 } },
-            "memory": { "anonymous": trend, "front": trend, "pager": trend },
+            "memory": { "anonymous": trend, "front": trend },
         })
     }
 
@@ -108,7 +113,8 @@ mod tests {
         assert_eq!(verdict(&usual, &report()), None);
         let cases = [
             ("/memory/front/last_quarter", json!(21.5e6), "memory (front) grows by 7.5 %"),
-            ("/memory/pager", Value::Null, "there are too few samples of memory: fly longer"),
+            ("/resident_bytes", json!(9.1e6), "the pager took more than its quota"),
+            ("/memory/front", Value::Null, "there are too few samples of memory: fly longer"),
             ("/frame_s/max", json!(1.5), "a frame took 1.50 s"),
             ("/jumps/unsettled", json!(2), "2 views did not settle"),
             ("/damaged_pages", json!(1), "1 pages are named as damaged"),
