@@ -57,6 +57,24 @@ fn a_torus_goes_in_and_comes_out_whole() {
 }
 
 #[test]
+fn a_level_of_a_compact_file_is_about_as_good() {
+    let folder = Folder::new();
+    let input = folder.write("square.obj", bumpy_square(90, 0.0));
+    let rms = |encoding: &str| {
+        let file = folder.file("square.xfm");
+        xfm(&["build", &input, &file, "--encoding", encoding, "--json"]).json();
+        let level = folder.file("level.ply");
+        xfm(&["extract", &file, &level, "--faces", "800", "--json"]).json();
+        let diff = xfm(&["diff", &input, &level, "--samples", "20000", "--json"]).json();
+        ["a_to_b", "b_to_a"].map(|side| diff[side]["rms"].as_f64().expect("a distance"))
+    };
+    let (exact, compact) = (rms("exact"), rms("compact"));
+    for side in 0..2 {
+        assert!(compact[side] < 1.2 * exact[side], "{compact:?} of {exact:?}");
+    }
+}
+
+#[test]
 fn levels_come_by_faces_by_error_and_for_a_camera() {
     let folder = Folder::new();
     let input = folder.write("torus.obj", torus(80, 40));

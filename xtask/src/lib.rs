@@ -30,6 +30,7 @@ pub mod fuzz;
 #[path = "gen/mod.rs"]
 pub mod generate;
 pub mod load;
+mod picture;
 pub mod process;
 pub mod setup;
 pub mod test;

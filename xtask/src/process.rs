@@ -23,6 +23,11 @@ pub fn target() -> PathBuf {
     env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |dir| root().join(dir))
 }
 
+/// The folder of real meshes beside this workspace, which need not be there.
+pub fn data() -> PathBuf {
+    root().join("../shared/data")
+}
+
 /// The cargo that runs this command.
 pub fn cargo() -> Command {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));

@@ -10,9 +10,9 @@ use mergetree::{Camera, View};
 use mesh_io::{Format, Frame, IndexedMesh, IndexedSource};
 use scratch::Scratch;
 use serde::Serialize;
-use xfm_format::XfmFile;
+use xfm_format::{Encoding, Header, XfmFile};
 
-use crate::level::{self, Level, Wanted};
+use crate::level::{self, Level, Wanted, Way};
 use crate::memory::AnonymousPeak;
 use crate::mesh_stream::{Output, scratch_folder};
 use crate::report::{ReportTo, say};
@@ -119,9 +119,14 @@ impl fmt::Display for ExtractReport {
 }
 
 impl ExtractArgs {
-    fn wanted(&self, origin: DVec3) -> Wanted {
+    fn wanted(&self, header: &Header) -> Wanted {
         if let Some(faces) = self.faces {
-            return Wanted::Faces(faces.get() as usize);
+            let way = match header.encoding {
+                Encoding::Exact => Way::Build,
+                // What it keeps of the order is less than the build's.
+                _ => Way::Deviation,
+            };
+            return Wanted::Faces(faces.get() as usize, way);
         }
         if let Some(error) = self.error {
             // Rounded down, so that the mesh keeps what was asked for.
@@ -131,6 +136,7 @@ impl ExtractArgs {
         }
         match (self.pixels, self.eye, self.at) {
             (Some(pixels), Some(eye), Some(at)) => {
+                let origin = xfm_file::frame(header).origin;
                 let camera = Camera {
                     eye: (eye - origin).as_vec3(),
                     at: (at - origin).as_vec3(),
@@ -200,7 +206,7 @@ pub fn run(args: &ExtractArgs) -> Result<(), Error> {
     let output = Output::new(&args.output, args.to)?;
     let frame = xfm_file::frame(file.header());
     let peak = AnonymousPeak::watch();
-    let extracted = match args.wanted(frame.origin) {
+    let extracted = match args.wanted(file.header()) {
         Wanted::Full if !full::fits_in_core(&file, args.memory) => {
             let best = || output.scratch_folder();
             let scratch = Scratch::new(scratch_folder(args.scratch.as_deref(), best)?);

@@ -1,7 +1,9 @@
 //! The command `bench`: how fast the hot parts are, and how cost grows with the model.
 
-pub(crate) mod results;
+mod results;
 mod scale;
+
+pub use results::circumstances;
 
 use crate::{Error, process};
 

@@ -1,6 +1,8 @@
 //! Who takes part.
 
-/// One way to decimate a mesh.
+use super::tools::Tools;
+
+/// One way to decimate a mesh, or to build a hierarchy of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Contender {
     /// Its name in the table.
@@ -12,10 +14,12 @@ pub struct Contender {
 /// How a contender is run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Kind {
-    /// `xfm decimate` with these arguments besides input, output and ratio.
+    /// `xfm` with these arguments besides input, output and ratio.
     Ours(Vec<String>),
     /// The peer of this name in `tests/compare/peer.py`.
     Peer(&'static str),
+    /// Programs, where they are installed.
+    Tools(Tools),
 }
 
 /// The peers, by their names in `tests/compare/peer.py`.
@@ -33,13 +37,27 @@ pub fn reference() -> Contender {
     Contender { name: "xfm".into(), kind: Kind::Ours(Vec::new()) }
 }
 
-/// Those that are compared with the reference, on a mesh of so many triangles: all, or those whose name
-/// contains one of the words.
-pub fn all(triangles: u64, words: &[String]) -> Vec<Contender> {
-    let ours = |name: &str, arguments: &[&str]| Contender {
+fn ours(name: &str, arguments: &[&str]) -> Contender {
+    Contender {
         name: format!("xfm {name}"),
         kind: Kind::Ours(arguments.iter().map(|argument| (*argument).to_owned()).collect()),
-    };
+    }
+}
+
+fn tools(tools: Tools) -> Contender {
+    Contender { name: tools.name().to_owned(), kind: Kind::Tools(tools) }
+}
+
+/// All, or those whose name contains one of the words.
+fn chosen(mut contenders: Vec<Contender>, words: &[String]) -> Vec<Contender> {
+    let wanted = |name: &str| words.is_empty() || words.iter().any(|word| name.contains(word));
+    contenders.retain(|contender| wanted(&contender.name));
+    contenders
+}
+
+/// Those whose decimation of so many triangles is compared with the reference: all, or those whose name contains one
+/// of the words.
+pub fn decimating(triangles: u64, words: &[String]) -> Vec<Contender> {
     let buffer = |share: u64| {
         let size = (triangles / share).max(1).to_string();
         ours(&format!("buffer 1/{share}"), &["--buffer", &size])
@@ -52,9 +70,21 @@ pub fn all(triangles: u64, words: &[String]) -> Vec<Contender> {
     ];
     contenders
         .extend(PEERS.map(|peer| Contender { name: peer.to_owned(), kind: Kind::Peer(peer) }));
-    let wanted = |name: &str| words.is_empty() || words.iter().any(|word| name.contains(word));
-    contenders.retain(|contender| wanted(&contender.name));
-    contenders
+    contenders.push(tools(Tools::OpenMeshDecimater));
+    chosen(contenders, words)
+}
+
+/// Those whose hierarchies are compared with the reference's, chosen by words as above.
+pub fn building(words: &[String]) -> Vec<Contender> {
+    let contenders = vec![
+        ours("64 MiB", &["--memory", "64MiB"]),
+        ours("compact", &["--encoding", "compact"]),
+        ours("compact 1e-5", &["--encoding", "compact", "--position-error", "1e-5"]),
+        tools(Tools::OpenMeshVdpm),
+        tools(Tools::Nexus),
+        tools(Tools::NexusCompressed),
+    ];
+    chosen(contenders, words)
 }
 
 #[cfg(test)]
@@ -63,17 +93,20 @@ mod tests {
 
     #[test]
     fn words_choose_by_name() {
-        let names = |words: &[&str]| {
-            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
-            all(8_000, &words).into_iter().map(|contender| contender.name).collect::<Vec<_>>()
+        let words = |words: &[&str]| -> Vec<String> {
+            words.iter().map(|word| (*word).to_owned()).collect()
         };
-        assert_eq!(names(&["greedy", "pyf"]), ["xfm greedy", "pyfqmr"]);
-        assert_eq!(names(&[]).len(), 4 + PEERS.len());
+        let names = |contenders: Vec<Contender>| {
+            contenders.into_iter().map(|contender| contender.name).collect::<Vec<_>>()
+        };
+        assert_eq!(names(decimating(8_000, &words(&["greedy", "pyf"]))), ["xfm greedy", "pyfqmr"]);
+        assert_eq!(names(building(&words(&["VDPM"]))), ["OpenMesh VDPM"]);
+        assert_eq!(decimating(8_000, &[]).len(), 4 + PEERS.len() + 1);
     }
 
     #[test]
     fn buffers_are_shares_of_the_input() {
-        let of = |index: usize| all(8_000, &[])[index].kind.clone();
+        let of = |index: usize| decimating(8_000, &[])[index].kind.clone();
         assert_eq!(of(0), Kind::Ours(vec!["--buffer".into(), "1000".into()]));
         assert_eq!(of(1), Kind::Ours(vec!["--buffer".into(), "200".into()]));
     }

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::contender::Contender;
 use crate::Error;
@@ -106,18 +106,30 @@ fn repeated(
 
 /// The middle value, or the mean of the two in the middle; not a number where there is none.
 pub fn median(values: &[f64]) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// The median and the quartiles of factors as JSON; null where there are none.
+pub fn spread(factors: &[f64]) -> Value {
+    if factors.is_empty() {
+        return Value::Null;
+    }
+    let [low, middle, high] = [0.25, 0.5, 0.75].map(|share| quantile(factors, share));
+    json!({ "median": middle, "low": low, "high": high })
+}
+
+/// The value below which a share of the others lies, between two values in proportion.
+fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
-    match sorted.len() {
-        0 => f64::NAN,
-        len => (sorted[(len - 1) / 2] + sorted[len / 2]) / 2.0,
-    }
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let place = share * last as f64;
+    let (below, part) = (place.floor() as usize, place.fract());
+    sorted[below] + part * (sorted[(below + 1).min(last)] - sorted[below])
 }
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::super::contender::{Kind, reference};
     use super::*;
 
@@ -177,5 +189,8 @@ mod tests {
         assert_eq!(median(&[3.0, 1.0, 2.0]), 2.0);
         assert_eq!(median(&[4.0, 1.0]), 2.5);
         assert!(median(&[]).is_nan());
+        assert_eq!(spread(&[]), Value::Null);
+        let five = spread(&[5.0, 1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(five, json!({ "median": 3.0, "low": 2.0, "high": 4.0 }));
     }
 }

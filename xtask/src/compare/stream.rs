@@ -1,4 +1,4 @@
-//! A generated torus through a pipe into `xfm decimate`: does rate or memory depend on the length?
+//! A generated mesh through a pipe into `xfm decimate`: does rate or memory depend on the length?
 
 use std::env;
 use std::path::Path;
@@ -9,20 +9,38 @@ use serde_json::{Value, json};
 use super::reason;
 use crate::{Error, process};
 
-/// Share of the triangles to keep.
-const RATIO: &str = "0.005";
+/// What goes through the pipe, and how much of it is kept.
+#[derive(Debug, Clone, Copy)]
+pub struct Stream {
+    /// The generator's word for the shape.
+    pub shape: &'static str,
+    /// Triangles asked for.
+    pub triangles: u64,
+    /// Share of edges on the boundary of small holes.
+    pub holes: f64,
+    /// Share of the triangles to keep.
+    pub ratio: f64,
+}
 
-/// Pipes a torus of so many triangles through and returns the row.
+impl Stream {
+    /// A torus of which little is kept.
+    pub fn torus(triangles: u64, holes: f64) -> Self {
+        Self { shape: "torus", triangles, holes, ratio: 0.005 }
+    }
+}
+
+/// Pipes a mesh through and returns the row.
 ///
 /// # Errors
 /// When a program cannot be started. One that fails is a row that says why.
-pub fn run(xfm: &Path, triangles: u64, holes: f64, folder: &Path) -> Result<Value, Error> {
+pub fn run(xfm: &Path, stream: Stream, folder: &Path) -> Result<Value, Error> {
+    let Stream { shape, triangles, holes, ratio } = stream;
     let mut generate = Command::new(env::current_exe().map_err(Error::Write)?);
-    generate.args(["gen", "torus", "--output", "-"]);
+    generate.args(["gen", shape, "--output", "-"]);
     generate.arg("--triangles").arg(triangles.to_string()).arg("--holes").arg(holes.to_string());
     let mut decimate = Command::new(xfm);
     decimate.args(["decimate", "-"]).arg(folder.join("stream.ply"));
-    decimate.args(["--from", "stl", "--ratio", RATIO, "--json"]);
+    decimate.args(["--from", "stl", "--json", "--ratio"]).arg(ratio.to_string());
     eprintln!("$ {} | {}", process::display(&generate), process::display(&decimate));
     generate.stdin(Stdio::null()).stdout(Stdio::piped());
     let mut generator = generate.spawn().map_err(process::start_error(&generate))?;
@@ -44,8 +62,10 @@ pub fn run(xfm: &Path, triangles: u64, holes: f64, folder: &Path) -> Result<Valu
     let report = process::parse_json("xfm decimate", &done.stdout)?;
     let read = report["input_triangles"].as_u64().unwrap_or(triangles);
     Ok(json!({
+        "shape": shape,
         "triangles": triangles,
         "holes": holes,
+        "ratio": ratio,
         "input_triangles": read,
         "output_triangles": report["output_triangles"],
         "seconds": done.seconds,

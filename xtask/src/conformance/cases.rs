@@ -146,7 +146,7 @@ fn generated(folder: &Path, name: &str, nature: Nature, options: &Options) -> Re
 
 /// Meshes of the data folder that lies beside the workspace, if there is one.
 fn from_data(folder: &Path) -> Result<Vec<Case>, Error> {
-    let data = process::root().join("../shared/data");
+    let data = process::data();
     let Ok(entries) = fs::read_dir(&data) else {
         eprintln!("conformance: no folder {}; its meshes are left out", data.display());
         return Ok(Vec::new());

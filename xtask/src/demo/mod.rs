@@ -3,9 +3,7 @@
 //! The picture is laid out as the first paper's Figure 10, the table as its Table 3 (DeCoro and Pajarola,
 //! *XFastMesh: Fast View-dependent Meshing from External Memory*, 2002, section 5).
 
-mod font;
-mod frames;
-mod image;
+pub mod frames;
 mod sheet;
 mod table;
 

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::frames::Frame;
-use super::image::Image;
 use crate::Error;
+use crate::picture::Image;
 
 const COLUMNS: usize = 4;
 /// Size of one picture on the sheet, and the space between two.

@@ -10,7 +10,7 @@ use std::process::Command;
 
 use serde_json::{Value, json};
 
-use crate::bench::results;
+use crate::bench::circumstances;
 use crate::chart::{self, Chart, Curve, Over};
 use crate::generate::{self, Generator, Options, Shape};
 use crate::{Error, process};
@@ -81,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Error> {
     let charts: Vec<Chart> =
         flown.iter().filter(|flown| flown.report.is_object()).map(memory_chart).collect();
     chart::write(&picture, &charts)?;
-    let mut all = results::circumstances();
+    let mut all = circumstances();
     all["model"] = model.display().to_string().into();
     all["hard_quota"] = quota.into();
     all["seed"] = arguments.seed.into();

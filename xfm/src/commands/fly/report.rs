@@ -177,7 +177,7 @@ impl fmt::Display for FlyReport {
         }
         write!(f, "{:22}{:>12}{:>12}{:>12}", "per frame", "median", "p99", "max")?;
         let mut row = |name: &str, spread: &Spread, write: fn(f64) -> String| {
-            let Spread { median, p99, max } = *spread;
+            let Spread { median, p99, max, .. } = *spread;
             let [median, p99, max] = [median, p99, max].map(write);
             write!(f, "\n{name:22}{median:>12}{p99:>12}{max:>12}")
         };

@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter};
 use std::path::Path;
 
-use super::font;
+use font8x8::UnicodeFonts;
+
 use crate::Error;
 
 /// A picture in RGB.
@@ -88,18 +89,24 @@ impl Image {
         }
     }
 
-    /// Writes a line of text, its letters `scale` times their size of 5 by 7 pixels.
+    /// Writes a line of text, its letters `scale` times their size of 8 by 8 pixels.
     pub fn caption(&mut self, text: &str, left: usize, top: usize, scale: usize) {
         for (place, letter) in text.chars().enumerate() {
-            for (row, bits) in font::glyph(letter).into_iter().enumerate() {
-                for column in (0..5).filter(|column| bits >> (4 - column) & 1 == 1) {
-                    let x = left + (place * 6 + column) * scale;
+            for (row, bits) in glyph(letter).into_iter().enumerate() {
+                for column in (0..8).filter(|column| bits >> column & 1 == 1) {
+                    let x = left + (place * 8 + column) * scale;
                     let dot = Self::new(scale, scale, [30; 3]);
                     self.paste(&dot, x, top + row * scale);
                 }
             }
         }
     }
+}
+
+/// The rows of a letter from top to bottom, the left column in bit 0; empty for one that the font lacks.
+fn glyph(letter: char) -> [u8; 8] {
+    let basic = font8x8::BASIC_FONTS.get(letter);
+    basic.or_else(|| font8x8::GREEK_FONTS.get(letter)).unwrap_or_default()
 }
 
 /// The pixels of an old row of `old` that a pixel of a new row of `new` covers: at least one.
