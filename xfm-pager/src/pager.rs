@@ -1,5 +1,8 @@
 //! The pager itself: which blocks to load and which to let go.
 
+mod thrift;
+mod validate;
+
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -12,6 +15,7 @@ use xfm_format::{BlockId, Numbering, Page, PageReader, XfmFile};
 use crate::loader::{Loader, Want};
 use crate::resident::Residents;
 use crate::{Counters, Error, PagerOptions, PagerStats, Problem};
+use thrift::Thrift;
 
 /// How often a page is tried again that the operating system did not give.
 const ATTEMPTS: u8 = 3;
@@ -58,46 +62,6 @@ pub struct Pager {
     /// Frame in which no block was found that could go; none will be before the next.
     exhausted: Option<u32>,
     thrift: Thrift,
-}
-
-/// Whether loading is of any use while memory is used up: what is loaded and goes again before anything is split is not.
-#[derive(Debug)]
-struct Thrift {
-    /// Most nodes that were in blocks that must stay, since the view changed.
-    most_held: usize,
-    /// Fewest there were when loading was stopped.
-    stopped_at: usize,
-    /// Frames since then in which requests were refused, or loaded what others had to go for.
-    futile: u32,
-    is_stopped: bool,
-}
-
-impl Thrift {
-    /// So many frames without any gain are enough.
-    const ENOUGH: u32 = 16;
-
-    fn new() -> Self {
-        Self { most_held: 0, stopped_at: usize::MAX, futile: 0, is_stopped: false }
-    }
-
-    /// Stopped, it goes on when clearly fewer blocks must stay than ever when it was stopped: so it stops for good.
-    fn observe(&mut self, held: usize, in_vain: u64) {
-        if self.is_stopped {
-            if held < self.stopped_at / 10 * 9 {
-                self.is_stopped = false;
-                self.futile = 0;
-            }
-        } else if held > self.most_held {
-            self.most_held = held;
-            self.futile = 0;
-        } else if in_vain > 0 {
-            self.futile += 1;
-            if self.futile == Self::ENOUGH {
-                self.is_stopped = true;
-                self.stopped_at = self.stopped_at.min(held);
-            }
-        }
-    }
 }
 
 /// Who reads pages.
@@ -359,24 +323,28 @@ impl Pager {
         self.frame.handover_time += begin.elapsed();
     }
 
-    /// Where the quota was lowered: what is used has to be in fewer chunks of memory, and where that is not enough be less.
+    /// Where the quota was lowered: what is used has to be less, and in fewer chunks of memory. While the front holds too much,
+    /// moving the rest would be of no use.
     fn meet_hard_quota(&mut self) {
         let hard = self.options.hard_quota_bytes;
-        if self.resident_bytes() <= hard {
-            return;
+        let (mut enough, clock) = (hard, self.residents.clock);
+        // Chunks may keep holes, and then fewer blocks fit than there should.
+        for _ in 0..2 {
+            if self.resident_bytes() <= hard {
+                return;
+            }
+            let others = self.other_bytes();
+            let evicted = self.residents.evict(clock, |residents| {
+                others + residents.bytes() - residents.free_bytes() > enough
+            });
+            self.frame.evictions += evicted as u64;
+            if self.used_bytes() > hard {
+                return;
+            }
+            self.residents.compact();
+            let excess = self.resident_bytes().saturating_sub(hard);
+            enough = self.used_bytes().saturating_sub(2 * excess);
         }
-        self.residents.compact();
-        let excess = self.resident_bytes().saturating_sub(hard);
-        if excess == 0 {
-            return;
-        }
-        // Every chunk may keep holes.
-        let enough = (self.used_bytes() - self.other_bytes()).saturating_sub(2 * excess);
-        let used = |residents: &Residents| residents.bytes() - residents.free_bytes();
-        let evicted =
-            self.residents.evict(self.residents.clock, |residents| used(residents) > enough);
-        self.frame.evictions += evicted as u64;
-        self.residents.compact();
     }
 
     /// Ends a frame: what was requested in it goes to the loaders, in place of what the last one requested.
@@ -582,42 +550,6 @@ impl Pager {
         if bytes > self.allowed_bytes {
             self.exceeded = self.exceeded.max(Some(bytes));
         }
-    }
-
-    /// Checks every invariant: directory, lists and counts agree, what memory is said to be taken is taken, and it is and always
-    /// was within the hard quota. One that was [lowered](Self::set_quotas) may be exceeded still, but never by more than before.
-    ///
-    /// # Complexity
-    /// Linear in the number of blocks of the file.
-    ///
-    /// # Errors
-    /// What is wrong, in words.
-    pub fn validate(&self) -> Result<(), String> {
-        self.residents.validate()?;
-        let (bytes, hard) = (self.resident_bytes(), self.options.hard_quota_bytes);
-        let exceeded = Some(bytes).filter(|&bytes| bytes > self.allowed_bytes);
-        if let Some(most) = self.exceeded.max(exceeded) {
-            return Err(format!("memory was {most} bytes, allowed are {hard}"));
-        }
-        let most_page = match &self.source {
-            Source::Loaders(loader) => {
-                loader.validate()?;
-                0
-            }
-            Source::Caller(at_once) => at_once.page.memory_bytes(),
-        };
-        if most_page > self.page_bytes {
-            return Err(format!("a page takes {most_page} bytes, counted are {}", self.page_bytes));
-        }
-        for root in self.file.base().roots() {
-            let block = self.numbering().block(root);
-            let page = self.file.block_page(block);
-            let lost = page.is_none_or(|page| self.failures[page].0 > 0);
-            if !self.residents.contains(block) && !lost {
-                return Err(format!("the block of root {root} is not resident"));
-            }
-        }
-        Ok(())
     }
 }
 
