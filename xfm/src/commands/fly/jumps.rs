@@ -18,6 +18,8 @@ pub const MOST_SETTLING_FRAMES: u32 = 1200;
 pub const QUIET_FRAMES: u32 = 10;
 /// The finest and the coarsest error on the screen, as multiples of the one asked for.
 const TOLERANCES: [f32; 2] = [0.5, 20.0];
+/// The first jumps are to all of the model, in all detail: memory is used up early, so that growth is growth.
+const NUM_FULL: u64 = 3;
 /// Places on the surface to go close to.
 const MOST_PLACES: usize = 512;
 
@@ -158,8 +160,12 @@ impl Jumps {
             1 => Some(1.0),
             _ => None,
         };
+        let (to, way, stay, tolerance, quota) = match self.num_legs < NUM_FULL {
+            true => (self.near(&to), 0, None, TOLERANCES[0], None),
+            false => (to, way, stay, tolerance, quota),
+        };
+        self.flights += u64::from(way > 0);
         self.num_legs += 1;
-        self.flights += u64::from(flies);
         self.quota_changes += u64::from(quota.is_some());
         self.leg = Leg {
             from: self.leg.to,
@@ -175,6 +181,13 @@ impl Jumps {
             quiet: 0,
             random,
         };
+    }
+
+    /// All of the model, from as near as can be on this side.
+    fn near(&self, camera: &Camera) -> Camera {
+        let away = (camera.eye - self.center).normalize_or(Vec3::Z);
+        let eye = self.center + 1.2 * self.half.length() * away;
+        Camera { eye, at: self.center, ..*camera }
     }
 
     fn pose(&self, random: &mut Xoshiro256PlusPlus) -> Camera {
