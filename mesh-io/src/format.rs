@@ -126,7 +126,11 @@ impl Format {
 }
 
 impl Family {
-    /// What the first bytes of a file without a telling name show.
+    /// Bytes that show what a file is: those of a binary STL's header and first triangle.
+    #[cfg(any(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
+    pub(crate) const TELLING_BYTES: usize = 134;
+
+    /// What the first [`TELLING_BYTES`](Self::TELLING_BYTES) of a file without a telling name show, or all of a shorter one.
     #[cfg(any(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
     pub(crate) fn from_content(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
@@ -137,6 +141,8 @@ impl Family {
             Some(Self::Stl)
         } else if [b"v ", b"# ", b"o ", b"g "].iter().any(|&word| bytes.starts_with(word)) {
             Some(Self::Obj)
+        } else if is_binary_stl(bytes) {
+            Some(Self::Stl)
         } else {
             None
         }
@@ -152,6 +158,19 @@ impl Family {
         };
         Error::FeatureDisabled { name: name.to_owned(), what, feature }
     }
+}
+
+/// Binary STL has no magic number, but its first triangle has finite corners, not all in the origin, and a normal of length 1 or, where the writer
+/// left it out, 0.
+#[cfg(any(feature = "stl", feature = "ply", feature = "obj", feature = "gltf"))]
+fn is_binary_stl(bytes: &[u8]) -> bool {
+    let Some(record) = bytes.get(84..Family::TELLING_BYTES) else { return false };
+    let numbers: Vec<f32> =
+        record.as_chunks().0.iter().map(|&number: &[u8; 4]| f32::from_le_bytes(number)).collect();
+    let length = numbers[..3].iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+    let has_normal = length == 0.0 || (0.99..1.01).contains(&length);
+    let is_somewhere = numbers[3..].iter().any(|&x| x != 0.0);
+    has_normal && is_somewhere && numbers.iter().all(|number| number.is_finite())
 }
 
 /// How a file is packed as a whole.
@@ -197,6 +216,28 @@ mod tests {
             assert_eq!(Format::from_name(format.name()), Some(format));
         }
         assert_eq!(Format::from_name("step"), None);
+    }
+
+    #[test]
+    fn a_binary_stl_shows_in_its_first_triangle() {
+        let with_normal = |normal: [f32; 3]| {
+            let mut bytes = b"written by a scanner".to_vec();
+            bytes.resize(84, 0);
+            let corners = [1.0e3_f32, -2.5, 0.0, 1.0, 2.0, 3.0, 1e-9, 5.0, 6.0];
+            bytes.extend(normal.iter().chain(&corners).flat_map(|x| x.to_le_bytes()));
+            bytes.extend([0, 0]);
+            bytes
+        };
+        for normal in [[0.0; 3], [0.6, 0.0, -0.8]] {
+            assert_eq!(Family::from_content(&with_normal(normal)), Some(Family::Stl));
+        }
+        for normal in [[0.6, 0.6, 0.6], [f32::NAN, 0.0, 0.0]] {
+            assert_eq!(Family::from_content(&with_normal(normal)), None);
+        }
+        assert_eq!(Family::from_content(&with_normal([0.0; 3])[..133]), None);
+        assert_eq!(Family::from_content(&[b'a'; 200]), None, "a text");
+        assert_eq!(Family::from_content(&[0xff; 200]), None);
+        assert_eq!(Family::from_content(&[0; 200]), None);
     }
 
     #[test]

@@ -221,7 +221,7 @@ mod dispatch {
         if let Some(format) = format {
             return Ok(format.family());
         }
-        input.fill(16)?;
+        input.fill(Family::TELLING_BYTES)?;
         Family::from_content(input.window())
             .ok_or_else(|| Error::UnknownFormat { name: input.name().to_owned() })
     }

@@ -19,8 +19,10 @@ pub enum Error {
     /// Standard input has no extension that would tell the format.
     #[error("standard input: cannot tell the format; say which it is with --from")]
     NoFormat,
-    /// Standard output has no extension that would tell the format.
-    #[error("standard output: cannot tell the format; say which it is with --to")]
+    /// A terminal shows nothing of a binary mesh.
+    #[error(
+        "standard output: a terminal is no place for a mesh; redirect it, name a file, or ask for text with --to obj"
+    )]
     NoOutputFormat,
     /// A `.xfm` file could not be written or read.
     #[error(transparent)]

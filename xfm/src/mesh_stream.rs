@@ -1,7 +1,7 @@
 //! Meshes as streams: where they come from and go to, as a command line names them.
 
 use std::fs::File;
-use std::io::{self, Seek, SeekFrom};
+use std::io::{self, IsTerminal, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -182,7 +182,7 @@ struct Written {
 }
 
 impl Output {
-    /// `-` is standard output; the format is `format` or what the extension says.
+    /// `-` is standard output; the format is `format` or what the extension says, on standard output binary PLY.
     ///
     /// # Errors
     ///
@@ -197,7 +197,10 @@ impl Output {
         }
         let format = match format.or_else(|| Format::from_path(path)) {
             Some(format) => format,
-            None if is_pipe(path) => return Err(Error::NoOutputFormat),
+            None if is_pipe(path) && io::stdout().is_terminal() => {
+                return Err(Error::NoOutputFormat);
+            }
+            None if is_pipe(path) => Format::PlyBinaryLittle,
             None => {
                 return Err(
                     mesh_io::Error::UnknownFormat { name: path.display().to_string() }.into()

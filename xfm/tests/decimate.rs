@@ -298,19 +298,34 @@ fn pipes_give_what_files_give() {
 fn the_format_of_a_pipe_shows_in_its_content_or_has_to_be_said() {
     let folder = Folder::new();
     let mesh = Mesh::parse(&torus(20, 10));
-    for text in [mesh.obj(), mesh.ply()] {
+    for content in [mesh.obj().into_bytes(), mesh.ply().into_bytes(), mesh.stl()] {
         let output = folder.file("out.ply");
-        let ran = xfm_with_input(
-            &["decimate", "-", &output, "--ratio", "0.5", "--json"],
-            text.as_bytes(),
-        );
+        let ran = xfm_with_input(&["decimate", "-", &output, "--ratio", "0.5", "--json"], &content);
         assert_eq!(ran.json()["output_triangles"], 200);
     }
-    let silent = xfm_with_input(&["decimate", "-", "out.ply", "--ratio", "0.5"], &mesh.stl());
+    let silent = xfm_with_input(&["decimate", "-", "out.ply", "--ratio", "0.5"], &[0xaa; 500]);
     assert!(silent.error_line().contains("--from"), "{}", silent.stderr);
-    let input = folder.write("torus.obj", mesh.obj());
-    let silent = xfm(&["decimate", &input, "-", "--ratio", "0.5"]);
-    assert!(silent.error_line().contains("--to"), "{}", silent.stderr);
+}
+
+#[test]
+fn commands_follow_each_other_in_a_pipe_without_a_word_about_formats() {
+    let folder = Folder::new();
+    let input = folder.write("torus.stl", Mesh::parse(&torus(40, 20)).stl());
+    let from = std::fs::File::open(&input).expect("it is there");
+    let mut decimate = command(&["decimate", "-", "-", "--ratio", "0.5"]);
+    let mut decimate =
+        decimate.stdin(from).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("xfm");
+    let file = folder.file("torus.xfm");
+    let mut build = command(&["build", "-", &file, "--json"]);
+    let pipe = decimate.stdout.take().expect("a pipe");
+    let built = Ran::of(
+        build.stdin(pipe).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("xfm"),
+    );
+    assert!(decimate.wait().is_ok_and(|status| status.success()));
+    assert_eq!(built.json()["input_triangles"], 800);
+    let extracted = command(&["extract", &file, "-", "--faces", "300"]).output().expect("xfm");
+    assert!(extracted.status.success());
+    assert!(extracted.stdout.starts_with(b"ply\nformat binary_little_endian"));
 }
 
 #[test]

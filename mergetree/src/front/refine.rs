@@ -88,22 +88,24 @@ impl Front {
         id: NodeId,
         urgency: f32,
     ) -> Result<(), SplitBlocked> {
-        self.split_at(store, id, None, urgency)
+        self.split_at(store, id, None, urgency, usize::MAX)
     }
 
-    /// The same for a node whose vertex is known.
+    /// The same for a node whose vertex is known; it ends early, with some of what the node depends on split, when there
+    /// are so many triangles.
     pub(crate) fn split_at(
         &mut self,
         store: &mut impl NodeStore,
         id: NodeId,
         vertex: Option<u32>,
         urgency: f32,
+        max_triangles: usize,
     ) -> Result<(), SplitBlocked> {
         let mut pending = std::mem::take(&mut self.pending);
         pending.clear();
         pending.push(Pending { id, least_order: 0, vertex });
         self.just_split.clear();
-        let result = self.split_pending(store, &mut pending, urgency);
+        let result = self.split_pending(store, &mut pending, urgency, max_triangles);
         if let Err(blocked) = result
             && blocked.is_for_good(store)
         {
@@ -122,6 +124,7 @@ impl Front {
         store: &mut impl NodeStore,
         pending: &mut Vec<Pending>,
         urgency: f32,
+        max_triangles: usize,
     ) -> Result<(), SplitBlocked> {
         while let Some(&Pending { id, least_order, vertex }) = pending.last() {
             if store.node(id).is_none() && !store.request(id, urgency) {
@@ -149,6 +152,9 @@ impl Front {
                     Missing::Nothing(adjacent) => {
                         self.split_now(store, id, vertex, &node, adjacent)?;
                         pending.pop();
+                        if self.num_triangles() >= max_triangles {
+                            break;
+                        }
                         continue;
                     }
                     missing => missing,

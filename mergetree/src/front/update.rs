@@ -18,7 +18,8 @@ pub struct UpdateLimits {
     /// Split nodes whose error is below this share of the tolerance are collapsed. Below 1 it keeps nodes at the
     /// tolerance from going back and forth. Default 0.8.
     pub hysteresis: f32,
-    /// No node is split once there are so many triangles. Default: no limit.
+    /// No node is split once there are so many triangles, not for another's sake either: one more where a split adds two. Default:
+    /// no limit.
     pub max_triangles: usize,
     /// No node is split once so many splits and collapses were made, and none collapsed once half as many were; what is
     /// left, the least wrong, is for the next update, and so is what a collapse made possible elsewhere. Default: no limit.
@@ -350,7 +351,8 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
                 // Split meanwhile, for another's sake.
                 continue;
             }
-            match self.front.split_at(self.store, id, Some(vertex), error) {
+            let most = self.limits.max_triangles;
+            match self.front.split_at(self.store, id, Some(vertex), error, most) {
                 Ok(()) => {}
                 Err(blocked) if blocked.is_for_good(self.store) => {
                     self.stats.damaged += 1;

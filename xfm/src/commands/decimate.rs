@@ -81,7 +81,7 @@ pub struct DecimateArgs {
     /// Format of the input where its name does not tell: stl, ply, obj, gltf, glb
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     from: Option<Format>,
-    /// Format of the output where its name does not tell: stl, stla, ply, plya, plyb, obj, gltf, glb
+    /// Format of the output where its name does not tell: stl, stla, ply, plya, plyb, obj, gltf, glb. Default of a pipe: ply
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     to: Option<Format>,
     /// Worker threads [default: one for each core]; the result does not depend on them

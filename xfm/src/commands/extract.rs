@@ -74,7 +74,7 @@ pub struct ExtractArgs {
     /// Folder for scratch files [default: that of the output, or the system's]
     #[arg(long, value_name = "DIR")]
     scratch: Option<PathBuf>,
-    /// Format of the output where its name does not tell: stl, stla, ply, plya, plyb, obj, gltf, glb
+    /// Format of the output where its name does not tell: stl, stla, ply, plya, plyb, obj, gltf, glb. Default of a pipe: ply
     #[arg(long, value_name = "FMT", value_parser = values::format)]
     to: Option<Format>,
     /// Report as JSON on standard output
