@@ -178,6 +178,24 @@ impl Arena {
         }
     }
 
+    /// Gives back what tables have for chunks at the end that are not there.
+    pub fn shrink(&mut self) {
+        let used = self.chunks.iter().rposition(|chunk| !chunk.nodes.is_empty());
+        let length = used.map_or(0, |last| last + 1);
+        self.with_longest[0] -= (self.chunks.len() - length) as u32;
+        self.chunks.truncate(length);
+        self.longest.truncate(length);
+        self.empty.retain(|&chunk| (chunk as usize) < length);
+        self.chunks.shrink_to_fit();
+        let capacity = self.chunks.capacity();
+        self.longest.shrink_to(capacity);
+        self.empty.shrink_to(capacity);
+        if let Some(colours) = &mut self.colours {
+            colours.truncate(length);
+            colours.shrink_to(capacity);
+        }
+    }
+
     fn set_longest(&mut self, chunk: usize, longest: u8) {
         let before = std::mem::replace(&mut self.longest[chunk], longest);
         self.with_longest[usize::from(before)] -= 1;
@@ -203,15 +221,22 @@ impl Arena {
         chunk.nodes.get_mut(at as usize % CHUNK_NODES)
     }
 
-    /// Checks that chunks, bits and counts agree.
+    /// Checks that chunks, bits and counts agree, and that [`bytes`](Self::bytes) are those of what is there.
     pub fn validate(&self) -> Result<(), String> {
         let mut num_used = 0;
+        let mut bytes = self.chunks.capacity() * self.entry_bytes()
+            + self.longest.capacity()
+            + self.empty.capacity() * size_of::<u32>();
         let mut num_empty = 0;
         let mut with_longest = [0; MAX_RUN + 1];
         for (index, (chunk, &longest)) in self.chunks.iter().zip(&self.longest).enumerate() {
             num_used += chunk.used.count_ones() as usize;
             num_empty += usize::from(chunk.nodes.is_empty());
             with_longest[usize::from(longest)] += 1;
+            let colours = self.colours.as_ref().map(|all| &*all[index]);
+            for block in [size_of_val(&*chunk.nodes), colours.map_or(0, size_of_val)] {
+                bytes += if block > 0 { block + CHUNK_OVERHEAD } else { 0 };
+            }
             let expected = if chunk.nodes.is_empty() { 0 } else { longest_free_run(chunk.used) };
             if longest != expected || chunk.nodes.is_empty() != (chunk.used == 0) {
                 return Err(format!("chunk {index} of the arena is wrong"));
@@ -221,6 +246,9 @@ impl Arena {
             != (self.num_used, self.empty.len(), self.with_longest)
         {
             return Err("the counts of the arena are wrong".into());
+        }
+        if bytes != self.bytes() {
+            return Err(format!("the arena takes {bytes} bytes and says {}", self.bytes()));
         }
         Ok(())
     }
@@ -295,6 +323,9 @@ mod tests {
                 let (at, nodes) = runs.swap_remove(random / 3 % runs.len());
                 arena.remove(at, nodes.len());
             }
+            if step % 500 == 499 {
+                arena.shrink();
+            }
             arena.validate().unwrap();
             if step % 50 == 0 {
                 for (at, nodes) in &runs {
@@ -309,6 +340,9 @@ mod tests {
         for (at, nodes) in runs {
             arena.remove(at, nodes.len());
         }
+        arena.shrink();
+        arena.validate().unwrap();
+        assert_eq!(arena.bytes(), 0);
         assert_eq!(arena.free_bytes(), 0);
         assert!(arena.chunks.iter().all(|chunk| chunk.nodes.is_empty()));
     }

@@ -56,6 +56,11 @@ impl Directory {
         chunk.places[block % CHUNK] = place + 1;
     }
 
+    /// Notes that a block that is there is in another place.
+    pub fn replace(&mut self, block: usize, place: u32) {
+        self.chunks[block / CHUNK].places[block % CHUNK] = place + 1;
+    }
+
     /// Forgets a block that is there.
     pub fn remove(&mut self, block: usize) {
         let chunk = &mut self.chunks[block / CHUNK];
@@ -67,9 +72,24 @@ impl Directory {
         }
     }
 
-    /// Number of blocks noted.
-    pub fn count(&self) -> usize {
-        let places = self.chunks.iter().flat_map(|chunk| chunk.places.iter());
-        places.filter(|&&place| place != 0).count()
+    /// Number of blocks noted, counted anew.
+    ///
+    /// # Errors
+    /// When it is not what the chunks say, or their memory not what [`bytes`](Self::bytes) says.
+    pub fn count(&self) -> Result<usize, String> {
+        let mut count = 0;
+        let mut bytes = self.chunks.capacity() * size_of::<Chunk>();
+        for chunk in &self.chunks {
+            let used = chunk.places.iter().filter(|&&place| place != 0).count();
+            if used != usize::from(chunk.num_used) || chunk.places.is_empty() != (used == 0) {
+                return Err("a chunk of the directory counts its blocks wrongly".into());
+            }
+            count += used;
+            bytes += if used > 0 { size_of_val(&*chunk.places) + 16 } else { 0 };
+        }
+        if bytes != self.bytes() {
+            return Err(format!("the directory takes {bytes} bytes and says {}", self.bytes()));
+        }
+        Ok(count)
     }
 }

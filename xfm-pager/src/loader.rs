@@ -174,6 +174,27 @@ impl Loader {
         [state.wanted.len(), state.reading.len(), state.done.len()]
     }
 
+    /// Checks that no page is lost, and that none takes more memory than it is counted with.
+    pub fn validate(&self) -> Result<(), String> {
+        let state = self.shared.lock();
+        let State { spare, reading, done, num_pages, .. } = &*state;
+        let found = spare.len() + reading.len() + done.len();
+        if found != *num_pages {
+            return Err(format!("the loaders count {num_pages} pages, there are {found}"));
+        }
+        let pages = spare.iter().chain(done.iter().map(|loaded| &loaded.page));
+        let most = pages.map(Page::memory_bytes).max().unwrap_or(0);
+        if most > self.bytes[0] {
+            return Err(format!("a page takes {most} bytes, counted are {}", self.bytes[0]));
+        }
+        Ok(())
+    }
+
+    /// Pages there are, and what one is counted with.
+    pub fn pages(&self) -> [usize; 2] {
+        [self.shared.lock().num_pages, self.bytes[0]]
+    }
+
     /// Waits until a page can be taken, none is on its way, or the time is over.
     pub fn wait(&self, most: Duration) {
         let end = Instant::now() + most;

@@ -1,5 +1,8 @@
 //! The pager itself: which blocks to load and which to let go.
 
+mod thrift;
+mod validate;
+
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -12,6 +15,7 @@ use xfm_format::{BlockId, Numbering, Page, PageReader, XfmFile};
 use crate::loader::{Loader, Want};
 use crate::resident::Residents;
 use crate::{Counters, Error, PagerOptions, PagerStats, Problem};
+use thrift::Thrift;
 
 /// How often a page is tried again that the operating system did not give.
 const ATTEMPTS: u8 = 3;
@@ -35,6 +39,7 @@ const DAMAGED: u8 = u8::MAX;
 pub struct Pager {
     file: Arc<XfmFile>,
     options: PagerOptions,
+    least_quota: usize,
     residents: Residents,
     source: Source,
     /// Per page the number of attempts that failed, or [`DAMAGED`], and the frame of the last one.
@@ -50,49 +55,13 @@ pub struct Pager {
     frame: Counters,
     total: Counters,
     peak_bytes: usize,
+    /// What memory does not exceed: the hard quota; or, while that was lowered and is not met yet, what there is.
+    allowed_bytes: usize,
+    /// What it was nevertheless, at most.
+    exceeded: Option<usize>,
     /// Frame in which no block was found that could go; none will be before the next.
     exhausted: Option<u32>,
     thrift: Thrift,
-}
-
-/// Whether loading is of any use while memory is used up: what is loaded and goes again before anything is split is not.
-#[derive(Debug)]
-struct Thrift {
-    /// Most nodes that were in blocks that must stay, since the view changed.
-    most_held: usize,
-    /// Fewest there were when loading was stopped.
-    stopped_at: usize,
-    /// Frames since then in which requests were refused, or loaded what others had to go for.
-    futile: u32,
-    is_stopped: bool,
-}
-
-impl Thrift {
-    /// So many frames without any gain are enough.
-    const ENOUGH: u32 = 16;
-
-    fn new() -> Self {
-        Self { most_held: 0, stopped_at: usize::MAX, futile: 0, is_stopped: false }
-    }
-
-    /// Stopped, it goes on when clearly fewer blocks must stay than ever when it was stopped: so it stops for good.
-    fn observe(&mut self, held: usize, in_vain: u64) {
-        if self.is_stopped {
-            if held < self.stopped_at / 10 * 9 {
-                self.is_stopped = false;
-                self.futile = 0;
-            }
-        } else if held > self.most_held {
-            self.most_held = held;
-            self.futile = 0;
-        } else if in_vain > 0 {
-            self.futile += 1;
-            if self.futile == Self::ENOUGH {
-                self.is_stopped = true;
-                self.stopped_at = self.stopped_at.min(held);
-            }
-        }
-    }
 }
 
 /// Who reads pages.
@@ -160,9 +129,12 @@ impl Pager {
             urgencies: vec![UNWANTED; file.num_pages()],
             wanted: Vec::with_capacity(most_requests),
             page_bytes: file.largest_page_bytes()[0],
+            least_quota: 0,
             frame: Counters::default(),
             total: Counters::default(),
             peak_bytes: 0,
+            allowed_bytes: options.hard_quota_bytes,
+            exceeded: None,
             exhausted: None,
             thrift: Thrift::new(),
             options,
@@ -180,6 +152,7 @@ impl Pager {
             }
         };
         let minimum = resident + loaders(pager.pages_in_flight(0));
+        pager.least_quota = minimum;
         if minimum > options.hard_quota_bytes {
             return Err(Error::QuotaTooSmall {
                 file: pager.file.path().into(),
@@ -232,13 +205,23 @@ impl Pager {
     pub fn set_quotas(&mut self, soft_quota_bytes: usize, hard_quota_bytes: usize) {
         self.options.hard_quota_bytes = hard_quota_bytes;
         self.options.soft_quota_bytes = soft_quota_bytes.min(hard_quota_bytes);
+        self.allowed_bytes = hard_quota_bytes.max(self.resident_bytes());
         self.exhausted = None;
         self.view_changed();
         let others = self.other_bytes() - self.source_bytes() + self.residents.held_bytes();
         let pages = self.pages_in_flight(hard_quota_bytes.saturating_sub(others));
+        let room = hard_quota_bytes.saturating_sub(self.resident_bytes());
         if let Source::Loaders(loader) = &mut self.source {
-            loader.resize(pages);
+            // What fills the memory now may go in time, but has not yet.
+            let [present, page_bytes] = loader.pages();
+            loader.resize(pages.min(present + room / page_bytes));
         }
+        self.note_peak();
+    }
+
+    /// The least hard quota that this file can be opened with, in bytes.
+    pub fn least_quota_bytes(&self) -> usize {
+        self.least_quota
     }
 
     /// How node ids are made of block and slot.
@@ -331,14 +314,37 @@ impl Pager {
             others + residents.bytes() - residents.free_bytes() > soft
         });
         self.frame.evictions += evicted as u64;
-        if self.resident_bytes() > self.options.hard_quota_bytes {
-            // The quota was lowered: what is used has to be in fewer chunks of memory.
-            self.residents.compact();
-        }
+        self.meet_hard_quota();
+        let met = self.resident_bytes().min(self.allowed_bytes);
+        self.allowed_bytes = met.max(self.options.hard_quota_bytes);
         self.residents.clock += 1;
         self.take_over();
         self.requested.clear();
         self.frame.handover_time += begin.elapsed();
+    }
+
+    /// Where the quota was lowered: what is used has to be less, and in fewer chunks of memory. While the front holds too much,
+    /// moving the rest would be of no use.
+    fn meet_hard_quota(&mut self) {
+        let hard = self.options.hard_quota_bytes;
+        let (mut enough, clock) = (hard, self.residents.clock);
+        // Chunks may keep holes, and then fewer blocks fit than there should.
+        for _ in 0..2 {
+            if self.resident_bytes() <= hard {
+                return;
+            }
+            let others = self.other_bytes();
+            let evicted = self.residents.evict(clock, |residents| {
+                others + residents.bytes() - residents.free_bytes() > enough
+            });
+            self.frame.evictions += evicted as u64;
+            if self.used_bytes() > hard {
+                return;
+            }
+            self.residents.compact();
+            let excess = self.resident_bytes().saturating_sub(hard);
+            enough = self.used_bytes().saturating_sub(2 * excess);
+        }
     }
 
     /// Ends a frame: what was requested in it goes to the loaders, in place of what the last one requested.
@@ -493,6 +499,16 @@ impl Pager {
         self.residents.contains(block)
     }
 
+    /// A node, if it is resident; does not count as looking at it.
+    pub(crate) fn peek(&self, id: NodeId) -> Option<&Node> {
+        self.residents.peek(id)
+    }
+
+    /// Number of nodes that are split, counted anew.
+    pub(crate) fn num_split(&self) -> usize {
+        self.residents.num_split()
+    }
+
     fn is_lost(&self, page: usize) -> bool {
         let (failures, frame) = self.failures[page];
         failures == DAMAGED || failures > 0 && frame == self.residents.clock
@@ -529,31 +545,11 @@ impl Pager {
     }
 
     fn note_peak(&mut self) {
-        self.peak_bytes = self.peak_bytes.max(self.resident_bytes());
-    }
-
-    /// Checks every invariant: directory, lists and counts agree, and memory is within the hard quota.
-    ///
-    /// # Complexity
-    /// Linear in the number of blocks of the file.
-    ///
-    /// # Errors
-    /// What is wrong, in words.
-    pub fn validate(&self) -> Result<(), String> {
-        self.residents.validate()?;
-        let (bytes, hard) = (self.resident_bytes(), self.options.hard_quota_bytes);
-        if bytes.max(self.peak_bytes) > hard {
-            return Err(format!("{bytes} bytes, at most {}, of {hard}", self.peak_bytes));
+        let bytes = self.resident_bytes();
+        self.peak_bytes = self.peak_bytes.max(bytes);
+        if bytes > self.allowed_bytes {
+            self.exceeded = self.exceeded.max(Some(bytes));
         }
-        for root in self.file.base().roots() {
-            let block = self.numbering().block(root);
-            let page = self.file.block_page(block);
-            let lost = page.is_none_or(|page| self.failures[page].0 > 0);
-            if !self.residents.contains(block) && !lost {
-                return Err(format!("the block of root {root} is not resident"));
-            }
-        }
-        Ok(())
     }
 }
 

@@ -148,6 +148,21 @@ impl Residents {
         self.arena.get(resident.place(self.numbering.slot(id))?)
     }
 
+    /// The same without counting as use.
+    pub fn peek(&self, id: NodeId) -> Option<&Node> {
+        let entry = self.directory.get(self.numbering.block(id).index())?;
+        self.arena.get(self.entries.get(entry as usize)?.place(self.numbering.slot(id))?)
+    }
+
+    /// Number of nodes that are split.
+    ///
+    /// # Complexity
+    /// Linear in the number of blocks.
+    pub fn num_split(&self) -> usize {
+        let present = self.entries.iter().filter(|resident| resident.num_nodes != 0);
+        present.map(|resident| usize::from(resident.num_split)).sum()
+    }
+
     /// The colour of a node, if it is in memory and has one.
     pub fn colour(&self, id: NodeId) -> Option<Colour> {
         let entry = self.directory.get(self.numbering.block(id).index())?;
@@ -234,7 +249,8 @@ impl Residents {
         evicted
     }
 
-    /// Moves blocks from the last chunks of memory into holes of the first ones, so that chunks become free.
+    /// Moves blocks from the last chunks of memory into holes of the first ones, so that chunks become free, and gives back what
+    /// tables have room for and is not there.
     ///
     /// # Complexity
     /// Linear in the number of blocks, but for a sort.
@@ -256,6 +272,33 @@ impl Residents {
                 resident.nodes = before;
             }
         }
+        self.arena.shrink();
+        self.shrink_entries();
+    }
+
+    /// Closes the gaps between entries and gives back what is free.
+    fn shrink_entries(&mut self) {
+        let mut new = vec![NONE; self.entries.len()];
+        let mut live = 0;
+        for (entry, new) in self.entries.iter().zip(&mut new) {
+            if entry.num_nodes > 0 {
+                *new = live;
+                live += 1;
+            }
+        }
+        let renamed = |entry: u32| new.get(entry as usize).copied().unwrap_or(NONE);
+        self.entries.retain_mut(|entry| {
+            entry.prev = renamed(entry.prev);
+            entry.next = renamed(entry.next);
+            entry.num_nodes > 0
+        });
+        self.entries.shrink_to_fit();
+        for (place, entry) in (0..).zip(&self.entries) {
+            self.directory.replace(entry.block as usize, place);
+        }
+        self.oldest = renamed(self.oldest);
+        self.newest = renamed(self.newest);
+        self.free = NONE;
     }
 
     fn remove(&mut self, entry: u32) {
@@ -325,7 +368,7 @@ impl Residents {
             num_listed += usize::from(is_listed);
             num_listed_nodes += if is_listed { count } else { 0 };
         }
-        let in_directory = self.directory.count();
+        let in_directory = self.directory.count()?;
         if (num_blocks, num_blocks, num_nodes) != (self.num_blocks, in_directory, self.num_nodes) {
             return Err("the counts of blocks and nodes are wrong".into());
         }

@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use mergetree::{
-    Camera, Changes, Dependencies, Front, FrontVertex, NodeStore, ToleranceControl, UpdateLimits,
-    View, ViewTest,
+    BaseMesh, Camera, Changes, Dependencies, Front, FrontVertex, Node, NodeId, NodeStore, SlotId,
+    ToleranceControl, UpdateLimits, View, ViewTest,
 };
 
 use crate::{Error, Pager};
@@ -125,6 +125,8 @@ pub struct Session {
     /// more often it was tried in vain, the farther.
     refused_tolerance: f32,
     distance: f32,
+    /// Whether the front lets go of whatever it can, because a hard quota that was lowered is not met otherwise.
+    lets_go: bool,
     /// The camera of the last frame.
     last: Option<Camera>,
     reported_time: Option<Duration>,
@@ -158,6 +160,7 @@ impl Session {
             memory_tolerance: 0.0,
             refused_tolerance: 0.0,
             distance: LEAST_DISTANCE,
+            lets_go: false,
             last: None,
             reported_time: None,
             inside_out,
@@ -180,7 +183,10 @@ impl Session {
         };
         let tolerance_px = wanted.max(self.memory_tolerance);
         self.pager.begin_frame();
-        let mut limits = UpdateLimits::with_tolerance(tolerance_px);
+        let mut limits = UpdateLimits::with_tolerance(match self.lets_go {
+            true => f32::INFINITY,
+            false => tolerance_px,
+        });
         limits.max_updates = self.options.max_updates;
         if self.pager.options().loaders > 0 {
             limits.max_time = self.options.max_update_time;
@@ -266,12 +272,19 @@ impl Session {
         *time += begin.elapsed();
     }
 
+    fn exceeds_quota(&self) -> bool {
+        self.pager.resident_bytes() > self.pager.options().hard_quota_bytes
+    }
+
     /// Memory that is used up makes the picture coarser, until less is needed; then slowly finer again, but for a still
     /// camera not to where memory was used up before: the view settles.
     fn raise_tolerance_if_memory_is_short(&mut self, tolerance_px: f32) {
         let pager = self.pager.stats();
         let hard = self.pager.options().hard_quota_bytes as f32;
-        if pager.frame.refusals > 0 || pager.resident_bytes as f32 > hard {
+        let exceeded = self.exceeds_quota();
+        // Where the eye is inside of what a node can change its error is above any tolerance.
+        self.lets_go = exceeded && tolerance_px >= TOLERANCES.1;
+        if pager.frame.refusals > 0 || exceeded {
             if self.refused_tolerance > 0.0 && tolerance_px > self.refused_tolerance {
                 self.distance = (2.0 * self.distance).min(1.0);
             }
@@ -287,6 +300,25 @@ impl Session {
         }
     }
 
+    /// Checks every invariant: [`Front::validate`], [`Pager::validate`], and that both know of the same split nodes, all of them
+    /// resident. Does not count as use of what it looks at: frames go on as they would have.
+    ///
+    /// # Complexity
+    /// Linear in the size of the active mesh and in the number of blocks of the file.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn validate(&self) -> Result<(), String> {
+        let store = Unmoved(&self.pager);
+        self.front.validate(&store).map_err(|error| format!("the front: {error}"))?;
+        self.pager.validate().map_err(|error| format!("the pager: {error}"))?;
+        let (split, marked) = (self.front.num_split_nodes(), self.pager.num_split());
+        if split != marked {
+            return Err(format!("the front has split {split} nodes, the pager knows of {marked}"));
+        }
+        Ok(())
+    }
+
     /// Runs frames until nothing is left to do or to come, or the time is over. Returns the last one, with the updates,
     /// tests and loads of all.
     pub fn settle(&mut self, camera: &Camera, detail: Detail, most: Duration) -> FrameStats {
@@ -298,6 +330,7 @@ impl Session {
             let is_quiet = stats.updates == 0
                 && !stats.is_limited
                 && stats.morphing == 0
+                && (self.lets_go || !self.exceeds_quota())
                 && self.pager.is_idle();
             // A page that was not given is asked for again in the frame after the next.
             quiet_frames = if is_quiet { quiet_frames + 1 } else { 0 };
@@ -373,5 +406,26 @@ impl Session {
     /// What changed since this was last called.
     pub fn take_changes(&mut self) -> Changes {
         self.front.take_changes()
+    }
+}
+
+/// A pager that is looked at without noticing.
+struct Unmoved<'a>(&'a Pager);
+
+impl NodeStore for Unmoved<'_> {
+    fn base(&self) -> &BaseMesh {
+        self.0.base()
+    }
+
+    fn node(&self, id: NodeId) -> Option<&Node> {
+        self.0.peek(id)
+    }
+
+    fn request(&mut self, id: NodeId, _urgency: f32) -> bool {
+        self.node(id).is_some()
+    }
+
+    fn set_slot(&mut self, id: NodeId, _slot: Option<SlotId>) {
+        unreachable!("node {id} is only looked at")
     }
 }

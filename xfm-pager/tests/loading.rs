@@ -28,8 +28,7 @@ fn camera(eye: Vec3) -> Camera {
 }
 
 fn validate(session: &Session) {
-    session.front().validate(session.pager()).unwrap();
-    session.pager().validate().unwrap();
+    session.validate().unwrap();
 }
 
 fn split_nodes(session: &Session) -> Vec<u32> {

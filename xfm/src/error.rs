@@ -225,6 +225,18 @@ pub enum Error {
     /// A `.xfm` file could not be paged.
     #[error(transparent)]
     Pager(#[from] xfm_pager::Error),
+    /// Something that must hold in every frame does not.
+    #[error("{}: frame {frame} of {route}: {what}; this is an error of xfm, please report it with the file", file.display())]
+    Invariant {
+        /// The file.
+        file: PathBuf,
+        /// The frame, from 0.
+        frame: usize,
+        /// What the camera was doing: the path, or seed and jump.
+        route: String,
+        /// What does not hold.
+        what: String,
+    },
     /// A camera path could not be read.
     #[error("{}: cannot read the camera path: {source}; give `orbit` or a text file", file.display())]
     ReadPath {

@@ -46,6 +46,15 @@ pub fn peak_rss() -> Option<u64> {
     None
 }
 
+/// The physical memory the process has as of now, mapped files included; `None` where the system does not tell.
+///
+/// # Units
+///
+/// Bytes.
+pub fn resident() -> Option<u64> {
+    if cfg!(target_os = "linux") { status_field("VmRSS:") } else { None }
+}
+
 /// The physical memory that no file backs, as of now: what a memory limit is about. `None` where the system does not tell.
 ///
 /// # Units

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::{Error, bench, compare, conformance, demo, fuzz, generate, test};
+use crate::{Error, bench, compare, conformance, demo, fuzz, generate, load, test};
 
 /// Builds, tests, demonstrates and judges the whole project.
 #[derive(Debug, Parser)]
@@ -30,6 +30,8 @@ enum Command {
     Compare(compare::Arguments),
     /// Look for files that do harm: changed ones, for every reader of files.
     Fuzz(fuzz::Arguments),
+    /// Jump about a model in almost no memory for ten minutes: does memory stay flat, and does everything hold?
+    Load(load::Arguments),
     /// Measure the hot parts with criterion: rates, and how they changed since the run before.
     Bench(bench::Arguments),
 }
@@ -55,6 +57,7 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Conformance(arguments) => conformance::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Fuzz(arguments) => fuzz::run(&arguments),
+        Command::Load(arguments) => load::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     }
 }

@@ -19,6 +19,7 @@
 //! ```
 
 pub mod bench;
+pub mod chart;
 pub mod command_line;
 pub mod compare;
 pub mod conformance;
@@ -28,6 +29,7 @@ pub mod fuzz;
 // `gen` is a keyword of the 2024 edition, so the module has the verb's whole name.
 #[path = "gen/mod.rs"]
 pub mod generate;
+pub mod load;
 mod picture;
 pub mod process;
 pub mod setup;

@@ -18,6 +18,10 @@ impl DirtySet {
         self.words[word] |= 1 << (index % 64);
     }
 
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.words.capacity() * size_of::<u64>()
+    }
+
     /// Takes the set as ascending ranges; ranges fewer than `gap` apart become one.
     pub(crate) fn take_ranges(&mut self, gap: u32) -> Vec<Range<u32>> {
         let mut ranges: Vec<Range<u32>> = Vec::new();

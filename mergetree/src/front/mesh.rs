@@ -98,6 +98,9 @@ impl ActiveMesh {
         self.vertices.capacity() * size_of::<FrontVertex>()
             + self.triangles.capacity() * size_of::<[u32; 3]>()
             + (self.reverse.capacity() + self.out.capacity()) * size_of::<Option<HalfEdgeId>>()
+            + self.fan.capacity() * size_of::<HalfEdgeId>()
+            + self.dirty_vertices.memory_bytes()
+            + self.dirty_faces.memory_bytes()
     }
 
     /// Half-edge `k` (0 to 5) of a slot: `h, a, b` of the first face, `h', d, e` of the second.
@@ -290,6 +293,23 @@ impl ActiveMesh {
             self.reverse[h.index()] = None;
         }
         Ok(u)
+    }
+
+    /// Vertices that faces name, less edges, plus faces.
+    ///
+    /// # Complexity
+    /// Linear in the number of faces.
+    pub(crate) fn euler(&self) -> i64 {
+        let present = |&h: &usize| self.has_face(HalfEdgeId::from_index(h).face());
+        let mut vertices: i64 = 0;
+        let mut half_edges: i64 = 0;
+        let mut boundary: i64 = 0;
+        for h in (0..self.reverse.len()).filter(present).map(HalfEdgeId::from_index) {
+            half_edges += 1;
+            boundary += i64::from(self.reverse(h).is_none());
+            vertices += i64::from(self.out(self.start(h)) == Some(h));
+        }
+        vertices - (half_edges + boundary) / 2 + half_edges / 3
     }
 
     /// Whether a face is there.

@@ -83,6 +83,8 @@ pub struct Front {
     held: Held,
     free: Vec<SlotId>,
     num_split: usize,
+    /// Euler number of the coarsest mesh, and so of every other.
+    euler: i64,
     /// Roots with their vertices, in order of their ids.
     roots: Vec<(NodeId, u32)>,
     /// Nodes that wait to be split, deepest dependency last; kept for its memory.
@@ -113,10 +115,12 @@ impl Front {
         let mut roots: Vec<_> =
             (0..).zip(&base.vertices).filter_map(|(v, vertex)| Some((vertex.root?, v))).collect();
         roots.sort_unstable();
+        let mesh = ActiveMesh::new(base, &connectivity);
         Ok(Self {
             names: base.names(),
             dependencies,
-            mesh: ActiveMesh::new(base, &connectivity),
+            euler: mesh.euler(),
+            mesh,
             colours: base.colours.clone(),
             frontier: Frontier::new(store),
             slots: Vec::new(),
@@ -210,7 +214,10 @@ impl Front {
             + self.slots.capacity() * size_of::<Slot>()
             + self.leaves.capacity()
             + self.held.memory_bytes()
-            + self.free.capacity() * size_of::<SlotId>()
+            + (self.free.capacity() + self.just_split.capacity()) * size_of::<SlotId>()
+            + self.colours.capacity() * size_of::<Colour>()
+            + self.roots.capacity() * size_of::<(NodeId, u32)>()
+            + self.pending.capacity() * size_of::<Pending>()
             + self.scans.iter().map(Scan::memory_bytes).sum::<usize>()
             + self.morphs.memory_bytes()
     }

@@ -12,7 +12,8 @@ use crate::{ErrorMeasure, NodeBounds, NodeId, NodeStore, SlotId, View};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct UpdateLimits {
-    /// Nodes with a larger error are split. In the unit of the error function, pixels for a view. Default 1.
+    /// Nodes with a larger error are split. In the unit of the error function, pixels for a view. With an infinite one all is
+    /// collapsed, what has an infinite error, too. Default 1.
     pub tolerance: f32,
     /// Split nodes whose error is below this share of the tolerance are collapsed. Below 1 it keeps nodes at the
     /// tolerance from going back and forth. Default 0.8.
@@ -44,6 +45,11 @@ impl UpdateLimits {
     /// The default limits with this tolerance.
     pub fn with_tolerance(tolerance: f32) -> Self {
         Self { tolerance, ..Self::default() }
+    }
+
+    /// Whether a split node need not be, by its error.
+    fn is_fine(&self, error: f32) -> bool {
+        error < self.tolerance * self.hysteresis || self.tolerance == f32::INFINITY
     }
 }
 
@@ -210,8 +216,7 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
     fn test(&mut self) {
         let begin = Instant::now();
         let Self { front, measure, coarse, fine, held, .. } = self;
-        let below = self.limits.tolerance * self.limits.hysteresis;
-        let above = self.limits.tolerance;
+        let (limits, above) = (self.limits, self.limits.tolerance);
         let Front { scans, bounds, leaves, frontier, slots, held: holders, .. } = &mut **front;
         let (bounds, frontier) = (&*bounds, &*frontier);
         let [of_leaves, of_frontier] = scans;
@@ -220,7 +225,7 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
                 of_leaves.run(
                     *measure,
                     (bounds.groups(), leaves),
-                    |error, slot| match error < below {
+                    |error, slot| match limits.is_fine(error) {
                         true if holders.is_held(slot as usize, frontier, slots) => Some(HELD),
                         is_fine => is_fine.then_some(error),
                     },
@@ -315,8 +320,7 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
         self.stats.tests += 1;
         let bounds = front.bounds.get(parent.index());
         let error = self.measure.errors(&BoundsLanes::splat(&bounds))[0];
-        let below = self.limits.tolerance * self.limits.hysteresis;
-        Some((error < below).then_some((bounds.order, parent.get())))
+        Some(self.limits.is_fine(error).then_some((bounds.order, parent.get())))
     }
 
     /// Splits what is too coarse, the most wrong first.
@@ -436,12 +440,11 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
     /// Moves the vertices that are on their way; those whose node is wanted again turn round.
     fn morph(&mut self) {
         let begin = Instant::now();
-        let below = self.limits.tolerance * self.limits.hysteresis;
         let Front { morphs, mesh, bounds, leaves, .. } = &mut *self.front;
-        let measure = self.measure;
+        let (measure, limits) = (self.measure, self.limits);
         morphs.advance(mesh, |slot| {
             let error = measure.errors(&BoundsLanes::splat(&bounds.get(slot.index())))[0];
-            !has_bit(leaves, slot.index()) || error >= below
+            !has_bit(leaves, slot.index()) || !limits.is_fine(error)
         });
         self.stats.morphing = morphs.num_moving();
         self.stats.update_time += begin.elapsed();

@@ -35,6 +35,14 @@ pub enum FrontInvalid {
         /// Number found.
         found: usize,
     },
+    /// The active mesh has another topology than the coarsest one.
+    #[error("the Euler number is {found}, that of the coarsest mesh is {expected}")]
+    Euler {
+        /// That of the coarsest mesh.
+        expected: i64,
+        /// That of the active mesh.
+        found: i64,
+    },
     /// A vertex's next split is not the unsplit node it should be.
     #[error("vertex {0} names a wrong node")]
     Cluster(u32),
@@ -144,6 +152,10 @@ impl Front {
         if found != self.num_triangles() {
             let stored = self.num_triangles();
             return Err(FrontInvalid::Count { what: "faces", stored, found });
+        }
+        let (expected, found) = (self.euler, mesh.euler());
+        if found != expected {
+            return Err(FrontInvalid::Euler { expected, found });
         }
         Ok(())
     }

@@ -1,7 +1,11 @@
 //! `xfm fly`: how fast a file can be viewed, without a window.
 
+mod flight;
+mod jumps;
+mod memory;
+mod record;
 mod report;
-mod slow;
+mod storage;
 
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
@@ -12,8 +16,12 @@ use xfm_pager::{Detail, Pager, PagerOptions, Session, SessionOptions};
 
 use crate::progress::{Progress, Unit};
 use crate::report::ReportTo;
-use crate::{Error, interrupt, values, xfm_file};
-use report::{FlyReport, Frame, Settling};
+use crate::{Error, interrupt, values};
+use flight::{Flight, Length, Route};
+use jumps::Jumps;
+use memory::MemoryWatch;
+use record::Record;
+use report::{FlyReport, Landing};
 
 /// Fly a camera over a .xfm file without a window, and time every step
 ///
@@ -21,6 +29,11 @@ use report::{FlyReport, Frame, Settling};
 /// view tests and block loading, each with its median, 99th percentile and maximum. Blocks are loaded on threads of their
 /// own, so that a frame is tests, updates and hand-over. The first frame, from opening the file to a mesh that can be drawn, is
 /// reported by itself; at the end the camera jumps to the middle of the path, and the time is taken until nothing changes.
+///
+/// With --jumps the camera follows no path: it jumps at random, from far outside to right on the surface, flies straight from one
+/// place to the next, looks away, and stays until the view has settled or not; the error on the screen changes between half and
+/// twenty times what --pixels says, and the quotas shrink and come back. With --validate everything that must hold of front and
+/// pager is checked in between. How much memory there was over the flight is reported in both cases.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -36,6 +49,9 @@ Examples:
   Along a recorded path, the slowest frame for a script
     xfm fly scan.xfm --path walk.txt --frames 1000 --json | jq .frame_s.max
 
+  Ten minutes of jumps in little memory, everything checked every 30 frames and whenever a view has settled
+    xfm fly scan.xfm --jumps --seconds 600 --hard-quota 8MiB --soft-quota 4MiB --validate=30
+
 A path is a text file with a pose on each line: eye x y z, at x y z, and optionally up x y z, relative to the file's origin
 (see xfm info).")]
 pub struct FlyArgs {
@@ -45,9 +61,21 @@ pub struct FlyArgs {
     /// The camera's path: orbit, or a file
     #[arg(long, value_name = "orbit|FILE", default_value = "orbit")]
     path: PathBuf,
+    /// Jump at random instead
+    #[arg(long, conflicts_with = "path")]
+    jumps: bool,
+    /// Which jumps: the same number, the same jumps
+    #[arg(long, value_name = "S", default_value = "0", requires = "jumps")]
+    seed: u64,
     /// Number of frames
     #[arg(long, value_name = "N", default_value = "300")]
     frames: NonZeroU32,
+    /// Fly for so long instead of a number of frames
+    #[arg(long, value_name = "SECONDS", value_parser = values::positive, conflicts_with = "frames")]
+    seconds: Option<f64>,
+    /// Check all invariants every so many frames (1 where no number is given), and after a view has settled
+    #[arg(long, value_name = "EVERY", num_args = 0..=1, require_equals = true, default_missing_value = "1")]
+    validate: Option<NonZeroU32>,
     /// Frames per second: what is left of a frame's time is waited; 0 for as many as there can be
     #[arg(long, value_name = "N", default_value = "60")]
     fps: u32,
@@ -96,6 +124,22 @@ pub struct FlyArgs {
 }
 
 impl FlyArgs {
+    fn length(&self) -> Length {
+        match self.seconds {
+            Some(seconds) => Length::Time(Duration::from_secs_f64(seconds.min(1e9))),
+            None => Length::Frames(self.frames.get() as usize),
+        }
+    }
+
+    fn lens(&self) -> Camera {
+        Camera {
+            fov_y: self.fov.to_radians() as f32,
+            width: self.size[0],
+            height: self.size[1],
+            ..Camera::default()
+        }
+    }
+
     fn detail(&self) -> Detail {
         match (self.budget, self.frame_time) {
             (Some(triangles), _) => Detail::Budget(triangles.get()),
@@ -123,14 +167,15 @@ impl FlyArgs {
     }
 }
 
-/// Frames that a view has to settle after a jump.
-const MOST_SETTLING_FRAMES: usize = 1200;
+/// Frames of a flight of unknown length that are kept at most.
+const MOST_KEPT: usize = 4096;
 
 /// Runs the command.
 ///
 /// # Errors
 ///
-/// A file or path that cannot be read, and a hard quota that does not hold what must be resident.
+/// A file or path that cannot be read, a hard quota that does not hold what must be resident, and with `--validate` an invariant
+/// that does not hold.
 pub fn run(args: &FlyArgs) -> Result<(), Error> {
     let report = interrupt::freely(|| fly(args))?;
     ReportTo::new(args.json).deliver(&report)
@@ -138,87 +183,49 @@ pub fn run(args: &FlyArgs) -> Result<(), Error> {
 
 fn fly(args: &FlyArgs) -> Result<FlyReport, Error> {
     let opened = Instant::now();
-    let delay = Duration::from_millis(args.read_delay.into());
-    let file =
-        if delay.is_zero() { xfm_file::open(&args.file)? } else { slow::open(&args.file, delay)? };
-    let frames = args.frames.get() as usize;
+    let (file, own_reads) =
+        storage::open(&args.file, Duration::from_millis(args.read_delay.into()))?;
+    let (length, lens) = (args.length(), args.lens());
     let [min, max] = file.header().bounds;
-    let path = if args.path.as_os_str() == "orbit" {
-        CameraPath::orbit(min, max, frames)
+    let mut route = if args.jumps {
+        Route::Jumps(Box::new(Jumps::new(&file, args.seed, &lens)))
+    } else if args.path.as_os_str() == "orbit" {
+        // In time there is a pose for every frame of the default number.
+        Route::Path(CameraPath::orbit(min, max, args.frames.get() as usize), lens)
     } else {
-        read_path(&args.path)?
-    };
-    let lens = Camera {
-        fov_y: args.fov.to_radians() as f32,
-        width: args.size[0],
-        height: args.size[1],
-        ..Camera::default()
+        Route::Path(read_path(&args.path)?, lens)
     };
     let pager = Pager::new(file, args.pager_options())?;
     let session = Session::with_options(pager, args.session_options())?;
-    let mut flight = Flight { session, detail: args.detail(), fps: args.fps };
-    let progress = Progress::new("flying", Some(frames as u64), Unit::Items);
-    let mut flown = Vec::with_capacity(frames);
-    for index in 0..frames {
-        let mut frame =
-            flight.frame(&path.camera(index as f32 / (frames - 1).max(1) as f32, &lens));
-        if index == 0 {
+    let mut flight = Flight::new(session, args, own_reads);
+    let mut record = Record::new(length.frames().unwrap_or(MOST_KEPT));
+    let mut memory = MemoryWatch::start();
+    let begin = Instant::now();
+    let progress = Progress::new("flying", Some(length.units()), Unit::Items);
+    while let Some(share) = length.share(record.num_frames(), begin) {
+        let mut frame = flight.follow(&mut route, share)?;
+        if record.num_frames() == 0 {
             frame.time = opened.elapsed();
         }
         flight.wait(&frame);
-        flown.push(frame);
-        progress.advance(1);
+        record.push(&frame);
+        let done = length.done(record.num_frames(), begin);
+        memory.look(record.num_frames(), done, flight.session());
+        progress.set((done * length.units() as f64) as u64);
     }
-    let settling = flight.settle(&path.camera(0.5, &lens));
-    let stats = flight.session.pager().stats();
-    Ok(FlyReport::new(&flown, settling, &flight.session, &stats, args.hard_quota))
-}
-
-/// A session that is flown.
-struct Flight {
-    session: Session,
-    detail: Detail,
-    fps: u32,
-}
-
-impl Flight {
-    fn frame(&mut self, camera: &Camera) -> Frame {
-        let start = Instant::now();
-        let stats = self.session.frame(camera, self.detail);
-        drop(self.session.take_changes());
-        Frame { stats, time: start.elapsed() }
-    }
-
-    /// Waits until the next frame is due.
-    fn wait(&self, frame: &Frame) {
-        if self.fps > 0 {
-            let due = Duration::from_secs(1) / self.fps;
-            std::thread::sleep(due.saturating_sub(frame.time));
-        }
-    }
-
-    /// Jumps to a camera and flies on the spot until nothing changes any more.
-    fn settle(&mut self, camera: &Camera) -> Option<Settling> {
-        let start = Instant::now();
-        let mut last_change = Duration::ZERO;
-        let mut quiet = 0;
-        for index in 0..MOST_SETTLING_FRAMES {
-            let frame = self.frame(camera);
-            let stats = &frame.stats;
-            let changed = stats.updates > 0 || stats.is_limited || stats.queued_pages > 0;
-            if changed {
-                last_change = start.elapsed();
-                quiet = 0;
-            } else {
-                quiet += 1;
-            }
-            if quiet == 10 {
-                return Some(Settling { seconds: last_change.as_secs_f64(), frames: index - 9 });
-            }
-            self.wait(&frame);
-        }
-        None
-    }
+    let memory = memory.report();
+    let settling = flight.settle(&route)?;
+    let jumps = match &route {
+        Route::Jumps(jumps) => Some(jumps.report()),
+        Route::Path(..) => None,
+    };
+    let landing = Landing {
+        settling,
+        jumps,
+        memory,
+        validations: flight.validations(args.validate.is_some()),
+    };
+    Ok(FlyReport::new(&record, landing, flight.session(), args.hard_quota))
 }
 
 fn read_path(file: &Path) -> Result<CameraPath, Error> {

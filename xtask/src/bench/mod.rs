@@ -1,6 +1,5 @@
 //! The command `bench`: how fast the hot parts are, and how cost grows with the model.
 
-mod chart;
 mod results;
 mod scale;
 

@@ -7,8 +7,8 @@ use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 
-use super::chart::{self, Curve};
 use super::results;
+use crate::chart::{self, Chart, Curve, Over};
 use crate::{Error, process};
 
 /// Sizes there are between one and ten times a size.
@@ -61,25 +61,24 @@ pub fn run(arguments: &Arguments) -> Result<(), Error> {
         );
         rows.push(row);
     }
-    let curves = |key: &str, unit: f64, whats: &[&str]| -> Vec<Curve> {
+    let chart = |title: &str, key: &str, unit: f64, whats: &[&str]| -> Chart {
         let points = |what: &str| {
             let point = |row: &Value| {
                 (row["triangles"].as_f64().unwrap_or(0.0), number(row, what, key) * unit)
             };
             rows.iter().map(point).collect()
         };
-        whats.iter().map(|what| Curve { name: (*what).into(), points: points(what) }).collect()
+        let curve = |what: &&str| Curve { name: (*what).into(), points: points(what) };
+        let curves = whats.iter().map(curve).collect();
+        Chart { title: title.into(), over: Over::Triangles, curves }
     };
     let picture = results_folder.join("scale.svg");
     chart::write(
         &picture,
         &[
-            ("time per triangle, µs", curves("cost", 1e6, &["decimate", "build"])),
-            ("time per frame, ms (median)", curves("cost", 1e3, &["fly"])),
-            (
-                "memory, MiB",
-                curves("memory", 1.0 / f64::from(1 << 20), &["decimate", "build", "fly"]),
-            ),
+            chart("time per triangle, µs", "cost", 1e6, &["decimate", "build"]),
+            chart("time per frame, ms (median)", "cost", 1e3, &["fly"]),
+            chart("memory, MiB", "memory", 1.0 / f64::from(1 << 20), &["decimate", "build", "fly"]),
         ],
     )?;
     let mut all = results::circumstances();

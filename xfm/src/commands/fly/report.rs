@@ -1,16 +1,19 @@
 //! What `xfm fly` reports.
 
 use std::fmt;
-use std::time::Duration;
 
 use serde::Serialize;
-use xfm_pager::{FrameStats, PagerStats, Session};
+use xfm_pager::Session;
 
+use super::jumps::JumpReport;
+use super::memory::MemoryReport;
+use super::record::{Figure, Record};
 use crate::spread::Spread;
 use crate::text;
 
 /// What `xfm fly` reports; times in seconds, sizes in bytes. All but `first_frame_s`, `blocks_loaded` and the sizes leaves
-/// the first frame out.
+/// the first frame out. Of a flight in time the spreads are of frames
+/// evenly chosen, their maxima of all.
 #[derive(Debug, Clone, Serialize)]
 pub struct FlyReport {
     frames: usize,
@@ -31,6 +34,8 @@ pub struct FlyReport {
     /// What the front takes, active mesh included.
     front_bytes: usize,
     hard_quota: u64,
+    /// The least hard quota that the file can be opened with.
+    least_quota: usize,
     damaged_pages: usize,
     /// Frames in which memory did not suffice for the error asked for.
     frames_short_of_memory: usize,
@@ -38,6 +43,11 @@ pub struct FlyReport {
     first_frame_s: f64,
     /// After a jump to the middle of the path, until nothing changes any more; null if something always did.
     settling: Option<Settling>,
+    /// Of a camera that jumps; else null.
+    jumps: Option<JumpReport>,
+    memory: MemoryReport,
+    /// How often all invariants were checked; null where that was not asked for.
+    validations: Option<usize>,
     frame_s: Spread,
     update_s: Spread,
     test_s: Spread,
@@ -70,45 +80,22 @@ struct CountSpreads {
     pixels: Spread,
 }
 
-/// One frame of a flight.
-pub struct Frame {
-    pub stats: FrameStats,
-    /// All of it: tests, updates, hand-over, and listing what changed for a renderer.
-    pub time: Duration,
-}
-
-impl Frame {
-    /// What is neither test nor update: taking over blocks, letting others go, asking for more, listing what changed.
-    fn handover_time(&self) -> Duration {
-        let FrameStats { test_time, update_time, .. } = self.stats;
-        self.time.saturating_sub(test_time + update_time)
-    }
+/// What is known at the end of a flight beside its frames.
+pub struct Landing {
+    pub settling: Option<Settling>,
+    pub jumps: Option<JumpReport>,
+    pub memory: MemoryReport,
+    pub validations: Option<usize>,
 }
 
 impl FlyReport {
-    pub fn new(
-        frames: &[Frame],
-        settling: Option<Settling>,
-        session: &Session,
-        stats: &PagerStats,
-        hard_quota: u64,
-    ) -> Self {
-        // A flight of one frame has nothing but its first.
-        let moving = if frames.len() > 1 { &frames[1..] } else { frames };
-        let spread = |get: &dyn Fn(&Frame) -> f64| Spread::of(moving.iter().map(get).collect());
-        let time = |get: fn(&Frame) -> Duration| spread(&|frame| get(frame).as_secs_f64());
-        let sum = |get: &dyn Fn(&Frame) -> f64| moving.iter().map(get).sum::<f64>();
-        let mean =
-            |get: fn(&Frame) -> usize| sum(&|frame| get(frame) as f64) / moving.len().max(1) as f64;
-        let rate = |count: fn(&Frame) -> usize, time: fn(&Frame) -> Duration| {
-            let seconds = sum(&|frame| time(frame).as_secs_f64());
-            sum(&|frame| count(frame) as f64) / seconds.max(f64::MIN_POSITIVE)
-        };
+    pub fn new(record: &Record, landing: Landing, session: &Session, hard_quota: u64) -> Self {
+        let stats = session.pager().stats();
         Self {
-            frames: frames.len(),
-            triangles_shown: mean(|frame| frame.stats.triangles_shown),
-            updates: mean(|frame| frame.stats.updates),
-            tests: mean(|frame| frame.stats.tests),
+            frames: record.num_frames(),
+            triangles_shown: record.mean(Figure::Triangles),
+            updates: record.mean(Figure::Updates),
+            tests: record.mean(Figure::Tests),
             blocks_loaded: stats.total.loads + stats.total.read_ahead,
             pages_read: stats.total.pages_inflated,
             bytes_read: stats.total.bytes_read,
@@ -118,28 +105,29 @@ impl FlyReport {
             bytes_per_node: stats.resident_bytes as f64 / stats.resident_nodes.max(1) as f64,
             front_bytes: session.front().memory_bytes(),
             hard_quota,
+            least_quota: session.pager().least_quota_bytes(),
             damaged_pages: stats.damaged_pages,
-            frames_short_of_memory: frames
-                .iter()
-                .filter(|frame| frame.stats.is_short_of_memory)
-                .count(),
-            first_frame_s: frames.first().map_or(0.0, |frame| frame.time.as_secs_f64()),
-            settling,
-            frame_s: time(|frame| frame.time),
-            update_s: time(|frame| frame.stats.update_time),
-            test_s: time(|frame| frame.stats.test_time),
-            handover_s: time(Frame::handover_time),
-            load_s: time(|frame| frame.stats.load_time),
-            updates_per_s: rate(|frame| frame.stats.updates, |frame| frame.stats.update_time),
-            tests_per_s: rate(|frame| frame.stats.tests, |frame| frame.stats.test_time),
+            frames_short_of_memory: record.num_short_of_memory(),
+            first_frame_s: record.first().map_or(0.0, |frame| frame.time.as_secs_f64()),
+            settling: landing.settling,
+            jumps: landing.jumps,
+            memory: landing.memory,
+            validations: landing.validations,
+            frame_s: record.spread(Figure::Time),
+            update_s: record.spread(Figure::UpdateTime),
+            test_s: record.spread(Figure::TestTime),
+            handover_s: record.spread(Figure::HandoverTime),
+            load_s: record.spread(Figure::LoadTime),
+            updates_per_s: record.rate(Figure::Updates, Figure::UpdateTime),
+            tests_per_s: record.rate(Figure::Tests, Figure::TestTime),
             per_frame: CountSpreads {
-                triangles_shown: spread(&|frame| frame.stats.triangles_shown as f64),
-                updates: spread(&|frame| frame.stats.updates as f64),
-                tests: spread(&|frame| frame.stats.tests as f64),
-                blocks_loaded: spread(&|frame| frame.stats.blocks_loaded as f64),
-                waiting: spread(&|frame| frame.stats.waiting as f64),
-                queued_pages: spread(&|frame| frame.stats.queued_pages as f64),
-                pixels: spread(&|frame| f64::from(frame.stats.tolerance_px)),
+                triangles_shown: record.spread(Figure::Triangles),
+                updates: record.spread(Figure::Updates),
+                tests: record.spread(Figure::Tests),
+                blocks_loaded: record.spread(Figure::BlocksLoaded),
+                waiting: record.spread(Figure::Waiting),
+                queued_pages: record.spread(Figure::QueuedPages),
+                pixels: record.spread(Figure::Pixels),
             },
         }
     }
@@ -166,6 +154,13 @@ impl fmt::Display for FlyReport {
             )?,
             None => writeln!(f, "after a jump the view did not settle")?,
         }
+        if let Some(jumps) = &self.jumps {
+            writeln!(f, "{jumps}")?;
+        }
+        if let Some(validations) = self.validations {
+            writeln!(f, "all invariants hold, checked {} times", text::count(validations as u64))?;
+        }
+        writeln!(f, "{}", self.memory)?;
         if self.frames_short_of_memory > 0 {
             writeln!(
                 f,
