@@ -2,41 +2,20 @@
 //!
 //! An element is one split or collapse, or one node tested.
 
+mod common;
+
 use std::hint::black_box;
 
+use common::torus;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use glam::{Vec3, vec3};
-use halfedge::HalfEdgeMesh;
-use mergetree::{BuildOptions, Camera, Dependencies, Forest, Front, UpdateLimits, View};
-
-/// A torus of 2 · 400 · 200 bumpy triangles.
-fn forest() -> Forest {
-    let (n, m) = (400, 200);
-    let positions: Vec<Vec3> = (0..n * m)
-        .map(|i| {
-            let [a, b] =
-                [(i % n, n), (i / n, m)].map(|(i, n)| i as f32 / n as f32 * std::f32::consts::TAU);
-            let r = 1.0 + (0.4 + 0.02 * (15.0 * a).sin() * (9.0 * b).cos()) * b.cos();
-            vec3(r * a.cos(), r * a.sin(), 0.4 * b.sin())
-        })
-        .collect();
-    let at = |x: u32, y: u32| (y % m) * n + x % n;
-    let triangles: Vec<[u32; 3]> = (0..n * m)
-        .flat_map(|i| {
-            let (x, y) = (i % n, i / n);
-            let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
-            [[a, b, c], [a, c, d]]
-        })
-        .collect();
-    let mesh = HalfEdgeMesh::from_triangles(positions.len(), &triangles).expect("a torus");
-    mergetree::build(mesh, &positions, &BuildOptions::default(), &|_| ()).expect("few nodes")
-}
+use glam::vec3;
+use mergetree::{Camera, Dependencies, Front, UpdateLimits, View};
 
 /// To a deviation and back to twice as much.
 fn updates(c: &mut Criterion) {
     let mut group = c.benchmark_group("update");
     for (name, dependencies) in [("order", Dependencies::Order), ("links", Dependencies::Links)] {
-        let mut forest = forest();
+        let mut forest = torus(400, 200);
         let mut front = Front::new(&forest, dependencies).expect("a manifold");
         let mut there_and_back = |tolerance: f32| {
             let mut moved = 0;
@@ -56,7 +35,7 @@ fn updates(c: &mut Criterion) {
 
 /// Nothing but tests: the front is where it should be.
 fn tests(c: &mut Criterion) {
-    let mut forest = forest();
+    let mut forest = torus(400, 200);
     let mut front = Front::new(&forest, Dependencies::Order).expect("a manifold");
     let camera = Camera { eye: vec3(2.0, -2.0, 2.0), ..Camera::default() };
     let view = View::new(&camera);
@@ -73,7 +52,7 @@ fn tests(c: &mut Criterion) {
 
 /// From the coarsest mesh to the finest.
 fn refinement(c: &mut Criterion) {
-    let forest = forest();
+    let forest = torus(400, 200);
     let mut group = c.benchmark_group("refine");
     group.sample_size(10);
     group.throughput(Throughput::Elements(forest.nodes.len() as u64));

@@ -5,17 +5,12 @@ mod scale;
 
 pub use results::circumstances;
 
+use serde_json::Value;
+
 use crate::{Error, process};
 
-/// The crates that have benchmarks.
-const CRATES: [&str; 6] =
-    ["qem", "halfedge", "stream-decimate", "xfm-build", "mergetree", "xfm-pager"];
-
-/// The benchmarks; by name, for the crates' own tests do not understand what is asked of a benchmark.
-const BENCHES: [&str; 6] = ["rating", "collapse", "decimate", "link", "front", "pager"];
-
-/// Seconds before and during each measurement that does not ask for more: all together should take little more than a
-/// minute.
+/// Seconds before and during each measurement that does not ask for more: all together should take about two
+/// minutes.
 const WARM_UP: &str = "0.3";
 const MEASUREMENT: &str = "1.5";
 
@@ -52,12 +47,49 @@ pub fn run(arguments: &Arguments) -> Result<(), Error> {
     if let Some(Command::Scale(arguments)) = &arguments.command {
         return scale::run(arguments);
     }
+    let benches = benches()?;
     let mut command = process::cargo();
     command.arg("bench");
-    command.args(CRATES.iter().flat_map(|name| ["-p", name]));
-    command.args(BENCHES.iter().flat_map(|name| ["--bench", name]));
+    command.args(benches.iter().flat_map(|bench| ["-p", bench.krate.as_str()]));
+    // By name, for the crates' own tests do not understand what is asked of a benchmark.
+    command.args(benches.iter().flat_map(|bench| ["--bench", bench.name.as_str()]));
     command.args(["--", "--warm-up-time", WARM_UP, "--measurement-time", MEASUREMENT]);
     command.args(&arguments.filter);
     process::run(&mut command)?;
     results::write()
+}
+
+/// A file of benchmarks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bench {
+    /// The crate it belongs to.
+    pub krate: String,
+    /// Its name.
+    pub name: String,
+    /// Whether it is run once among the tests, to see that it works.
+    pub is_tested: bool,
+}
+
+/// The benchmarks of all crates of the workspace, as cargo tells them.
+///
+/// # Errors
+/// When cargo does not.
+pub fn benches() -> Result<Vec<Bench>, Error> {
+    let mut metadata = process::cargo();
+    metadata.args(["metadata", "--format-version", "1", "--no-deps", "--offline"]);
+    let metadata = process::parse_json("cargo metadata", &process::read(&mut metadata)?)?;
+    let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
+    let mut benches = Vec::new();
+    for package in list(&metadata["packages"]) {
+        for target in list(&package["targets"]) {
+            if list(&target["kind"]).contains(&"bench".into())
+                && let (Some(krate), Some(name)) =
+                    (package["name"].as_str(), target["name"].as_str())
+            {
+                let is_tested = target["test"] == true;
+                benches.push(Bench { krate: krate.into(), name: name.into(), is_tested });
+            }
+        }
+    }
+    Ok(benches)
 }
