@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 /// A scratch file could not be made, written or read.
 #[derive(Debug, thiserror::Error)]
-#[error("scratch file in {}: {source}; free some space there or choose another folder", folder.display())]
+#[error("scratch file in {}: {source}; check its permissions and free space, or choose another folder", folder.display())]
 pub struct Error {
     /// The folder it is in.
     pub folder: PathBuf,

@@ -42,7 +42,9 @@ pub enum Error {
         needed: u64,
     },
     /// A scratch file could not be made, written or read.
-    #[error("scratch file in {folder}: {source}; free some space there or choose another folder")]
+    #[error(
+        "scratch file in {folder}: {source}; check its permissions and free space, or choose another folder"
+    )]
     Scratch {
         /// The folder it is in.
         folder: String,

@@ -46,7 +46,7 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum Error {
     /// The operating system, or the storage behind the file, refused.
-    #[error("{}: cannot {action}: {source}", file.display())]
+    #[error("{}: cannot {action}: {source}; check the path, its permissions and the free space", file.display())]
     Io {
         /// The file.
         file: PathBuf,

@@ -51,6 +51,25 @@ pub enum Error {
         /// The output.
         file: PathBuf,
     },
+    /// A file must not be written to.
+    #[error("{}: cannot be written to: {source}; change its permissions, or choose another name", file.display())]
+    LockedFile {
+        /// The output.
+        file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The folder of an output takes no files.
+    #[error(
+        "{}: no file can be made in its folder: {source}; check the folder's permissions and free space, or choose another one",
+        file.display()
+    )]
+    LockedFolder {
+        /// The output.
+        file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// A mesh could not be decimated.
     #[error("{name}: {source}")]
     Decimate {
@@ -66,7 +85,7 @@ pub enum Error {
         folder: PathBuf,
     },
     /// A scratch file could not be made or written.
-    #[error("{}: scratch file: {source}; free some space there, or name another folder with --scratch", folder.display())]
+    #[error("{}: scratch file: {source}; check its permissions and free space, or name another folder with --scratch", folder.display())]
     Scratch {
         /// The folder it is in.
         folder: PathBuf,

@@ -36,6 +36,7 @@ pub mod spread;
 pub mod text;
 pub mod threads;
 pub mod values;
+pub mod writable;
 pub mod xfm_file;
 
 mod cli;

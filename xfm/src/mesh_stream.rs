@@ -14,7 +14,7 @@ use mesh_io::{
 use tempfile::NamedTempFile;
 
 use crate::pipe::PipeReader;
-use crate::{Error, interrupt, mapped, text};
+use crate::{Error, interrupt, mapped, text, writable};
 
 /// Whether a path stands for standard input or output.
 fn is_pipe(path: &Path) -> bool {
@@ -35,7 +35,7 @@ pub fn scratch_beside(output: &Path) -> PathBuf {
 ///
 /// # Errors
 ///
-/// [`Error::NoScratchFolder`] if the one that was named is not there.
+/// [`Error::NoScratchFolder`] if the one that was named is not there, [`Error::Scratch`] if it takes no files.
 pub fn scratch_folder(
     named: Option<&Path>,
     best: impl FnOnce() -> PathBuf,
@@ -44,7 +44,10 @@ pub fn scratch_folder(
         Some(folder) if !folder.is_dir() => {
             Err(Error::NoScratchFolder { folder: folder.to_owned() })
         }
-        Some(folder) => Ok(folder.to_owned()),
+        Some(folder) => {
+            writable::check_scratch(folder)?;
+            Ok(folder.to_owned())
+        }
         None => Ok(best()),
     }
 }
@@ -207,6 +210,9 @@ impl Output {
                 );
             }
         };
+        if !is_pipe(path) {
+            writable::check(path)?;
+        }
         Ok(Self { path: path.to_owned(), format, written: Arc::default() })
     }
 

@@ -16,7 +16,7 @@ use crate::memory::AnonymousPeak;
 use crate::mesh_stream::{Input, scratch_beside, scratch_folder};
 use crate::report::ReportTo;
 use crate::threads::with_threads;
-use crate::{Error, values};
+use crate::{Error, values, writable};
 use plan::{Mode, Plan};
 use report::{BuildReport, Built};
 
@@ -174,14 +174,15 @@ fn in_frame(options: &WriteOptions, frame: Frame) -> WriteOptions {
     options
 }
 
-/// Before the long work: a folder that is not there would be found only after it.
+/// Before the long work: a folder that is not there or takes no files would be found only after it.
 fn check_output(output: &Path) -> Result<(), Error> {
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
     match folder {
         Some(folder) if !folder.is_dir() => Err(Error::NoFolder { file: output.to_owned() }),
-        _ if output.is_dir() || output.as_os_str() == "-" => {
+        // A device or a named pipe would be replaced by the file.
+        _ if output.metadata().is_ok_and(|there| !there.is_file()) || output.as_os_str() == "-" => {
             Err(Error::NotAFile { file: output.to_owned() })
         }
-        _ => Ok(()),
+        _ => writable::check(output),
     }
 }
