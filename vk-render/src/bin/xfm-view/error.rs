@@ -25,7 +25,10 @@ pub(crate) enum Error {
         "this is no view: {0}; a view is nine numbers: eye, point looked at and up, as 0,0,5 0,0,0 0,1,0"
     )]
     View(String),
-    #[error("{path}: {source}", path = path.display())]
+    #[error(
+        "{path}: {source}; check the path, its permissions and the free space",
+        path = path.display()
+    )]
     File { path: PathBuf, source: std::io::Error },
     #[error("{path}: {source}", path = path.display())]
     Png { path: PathBuf, source: png::EncodingError },

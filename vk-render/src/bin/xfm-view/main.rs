@@ -9,6 +9,7 @@ mod frame_log;
 mod input;
 mod model;
 mod offscreen;
+mod output;
 mod overlay;
 mod panels;
 mod pick;

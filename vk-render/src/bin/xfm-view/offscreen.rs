@@ -14,6 +14,7 @@ use crate::camera::{outside, path};
 use crate::error::Error;
 use crate::frame_log::{self, FrameLog};
 use crate::model::{Opened, Opening};
+use crate::output;
 use crate::overlay::Overlay;
 use crate::picture;
 use crate::state::{FrameTime, State};
@@ -24,9 +25,11 @@ const SETTLE: Duration = Duration::from_secs(600);
 
 /// Draws one picture, or all frames of a path into a folder with their `frames.json` and `frames.csv`.
 pub(crate) fn run(args: &Args, out: &Path) -> Result<(), Error> {
+    let is_picture = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    output::check(out, is_picture)?;
     let mut flight = Flight::new(args)?;
     let mut log = args.log.as_deref().map(FrameLog::create).transpose()?;
-    if out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+    if is_picture {
         let frame = flight.single(out)?;
         if let Some(log) = &mut log {
             log.write(&frame)?;
@@ -46,9 +49,9 @@ pub(crate) fn run(args: &Args, out: &Path) -> Result<(), Error> {
             bar.inc(1);
         }
         bar.finish_and_clear();
-        write(&out.join("frames.csv"), &frame_log::csv(&frames))?;
+        output::write(&out.join("frames.csv"), frame_log::csv(&frames).as_bytes())?;
         let frames = Value::Array(frames.into_iter().map(Value::Object).collect());
-        write(&out.join("frames.json"), &format!("{frames:#}\n"))?;
+        output::write(&out.join("frames.json"), format!("{frames:#}\n").as_bytes())?;
     }
     for problem in flight.viewer.model.iter().flat_map(|model| model.problems()) {
         eprintln!("warning: {problem}");
@@ -57,10 +60,6 @@ pub(crate) fn run(args: &Args, out: &Path) -> Result<(), Error> {
         Some(message) => Err(Error::Validation(message)),
         None => Ok(()),
     }
-}
-
-fn write(file: &Path, text: &str) -> Result<(), Error> {
-    std::fs::write(file, text).map_err(Error::file(file))
 }
 
 /// A camera on its way past a model.

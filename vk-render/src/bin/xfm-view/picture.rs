@@ -1,7 +1,5 @@
 //! A state as a scene, and a picture as a file.
 
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::Path;
 
 use mergetree::Camera;
@@ -10,6 +8,7 @@ use vk_render::{Image, Line, MeshBuffers, Scene};
 use crate::camera::outside;
 use crate::error::Error;
 use crate::model::Model;
+use crate::output;
 use crate::state::State;
 
 /// The camera as the renderer wants it. What is nearer than a hundred-thousandth of the model's `radius` is cut off.
@@ -49,12 +48,13 @@ pub(crate) fn scene<'a>(
 
 /// Writes a picture as PNG.
 pub(crate) fn save(image: &Image, path: &Path) -> Result<(), Error> {
-    let file = File::create(path).map_err(Error::file(path))?;
-    let mut encoder = png::Encoder::new(BufWriter::new(file), image.width, image.height);
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_compression(png::Compression::Fast);
     let png = |source| Error::Png { path: path.to_owned(), source };
     let mut writer = encoder.write_header().map_err(png)?;
     writer.write_image_data(&image.rgba).map_err(png)?;
-    writer.finish().map_err(png)
+    writer.finish().map_err(png)?;
+    output::write(path, &bytes)
 }

@@ -12,6 +12,7 @@ use crate::error::{Error, one_line};
 use crate::input::held::Held;
 use crate::input::pointer::Gesture;
 use crate::model::{Model, Numbers, Opened, Opener, Opening};
+use crate::output;
 use crate::panels::{self, Facts};
 use crate::pick;
 use crate::state::{Axis, State};
@@ -334,7 +335,7 @@ impl Viewer {
         let poses = path.len();
         state.last_path = Some(path);
         let file = self.free_name("path", "txt");
-        std::fs::write(&file, text).map_err(Error::file(&file))?;
+        output::write(&file, text.as_bytes())?;
         let shown = file.display();
         self.state.notices.say(format!("Wrote {shown}: {poses} poses. Y replays it"));
         Ok(())
