@@ -352,3 +352,38 @@ fn a_file_that_is_cut_short_while_it_is_read_is_told() {
     shorten_while(&folder, &file, &args, Some(&out));
     assert!(Path::new(&file).exists());
 }
+
+/// The pages that are gone cost their detail; the frames go on.
+#[test]
+fn a_file_that_is_cut_short_while_a_camera_flies_past_is_flown_past_to_the_end() {
+    let folder = Folder::new();
+    let (text, file) = (folder.write("torus.obj", torus(240, 120)), folder.file("torus.xfm"));
+    xfm(&["build", &text, &file, "--json"]).json();
+    let bytes = fs::read(&file).expect("the file");
+    let slow = ["--frames", "40", "--fps", "60", "--read-delay", "10", "--pixels", "0.2"];
+    let args = [&["fly", &file, "--json"], &slow[..]].concat();
+    assert_eq!(xfm(&args).json()["damaged_pages"], 0);
+    let mut most = 0;
+    for turn in 0..8 {
+        let child = command(&args)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the binary runs");
+        thread::sleep(Duration::from_millis(50 * turn));
+        let cut = bytes.len() as u64 * (turn % 3) / 3;
+        let there = fs::OpenOptions::new().write(true).open(&file).expect("the file");
+        there.set_len(cut).expect("it can be cut");
+        let start = Instant::now();
+        let ran = Ran::of(child);
+        assert!(start.elapsed() < Duration::from_secs(60), "it waits for what never comes");
+        match ran.code {
+            0 => most = most.max(ran.json()["damaged_pages"].as_u64().expect("a number")),
+            // It was not open yet.
+            _ => assert_told(&ran, &format!("{args:?}"), &[&file]),
+        }
+        fs::write(&file, &bytes).expect("room for it");
+    }
+    assert!(most > 0, "it was never cut short in time");
+}

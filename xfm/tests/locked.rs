@@ -245,10 +245,10 @@ fn what_is_kept_in_a_folder_that_is_locked_by_then_stays() {
     assert!(has_state(&locked), "it ended before it was killed");
     permit(&locked, 0o555);
     let resume = [&args[..], &["--resume"]].concat();
-    let run: Vec<String> = resume.iter().map(|&arg| arg.to_owned()).collect();
-    place.assert_refused(&user, &[run.clone()], &locked, &["another folder with --scratch"]);
+    let runs = [resume.iter().map(|&arg| arg.to_owned()).collect::<Vec<_>>()];
+    place.assert_refused(&user, &runs, &locked, &["another folder with --scratch"]);
     permit(&locked, 0o777);
-    assert_ran(&user, &run);
+    assert_ran(&user, &runs[0]);
 }
 
 fn has_state(folder: &str) -> bool {
