@@ -11,6 +11,7 @@ use xfm_format::Precision;
 
 use crate::error::Error;
 use crate::model::opening::Progress;
+use crate::output;
 
 /// Files of this many bytes and more are built beside themselves, so that the second look is quick.
 const LARGE_BYTES: u64 = 64 << 20;
@@ -47,10 +48,11 @@ pub(super) fn find_or_build(
         return Ok((beside, None));
     }
     if cache == Cache::Beside || (cache == Cache::Auto && known.len() >= LARGE_BYTES) {
-        match build(input, &beside, progress) {
+        match output::check(&beside, true).and_then(|()| build(input, &beside, progress)) {
             Ok(()) => return Ok((beside, None)),
             // There it may not be written, or there is no room; another disk may do.
-            Err(Error::Build { source: MeshError::Build(_), .. }) if cache == Cache::Auto => {}
+            Err(Error::File { .. } | Error::Build { source: MeshError::Build(_), .. })
+                if cache == Cache::Auto => {}
             Err(error) => return Err(error),
         }
     }
