@@ -241,11 +241,14 @@ impl PageDecoder {
                 .ok_or_else(|| cursor.defect(format!("a node has shape {code}")))?;
             let above = self.preorder.next();
             if above.is_none() {
+                if page.blocks.len() == entry.blocks as usize {
+                    break;
+                }
                 page.blocks.push(index);
             }
             let block = page.blocks.len() as u32 - 1;
             let slot = index - page.blocks[block as usize];
-            if slot >= numbering.slots() || block >= entry.blocks {
+            if slot >= numbering.slots() {
                 break;
             }
             let id = numbering.node(BlockId::new(page.first_block + block), slot);
