@@ -76,10 +76,10 @@ where
     B::ErrorType: 'static,
 {
     let points = || chart.curves.iter().flat_map(|curve| &curve.points).filter(|p| p.1.is_finite());
-    let top = 0.0..1.15 * points().map(|p| p.1).fold(f64::MIN_POSITIVE, f64::max);
+    let top = 0.0..1.4 * points().map(|p| p.1).fold(f64::MIN_POSITIVE, f64::max);
     let last = points().map(|p| p.0).fold(f64::MIN_POSITIVE, f64::max);
     let mut builder = ChartBuilder::on(area);
-    builder.caption(&chart.title, ("sans-serif", 18)).margin(12);
+    builder.caption(&chart.title, ("sans-serif", 18)).margin(12).margin_right(32);
     builder.x_label_area_size(34).y_label_area_size(60);
     match chart.over {
         Over::Triangles => {
@@ -116,7 +116,7 @@ where
     }
     context
         .configure_series_labels()
-        .position(SeriesLabelPosition::LowerRight)
+        .position(SeriesLabelPosition::UpperRight)
         .background_style(WHITE.mix(0.8))
         .border_style(BLACK.mix(0.3))
         .draw()?;

@@ -55,11 +55,8 @@ impl Papers {
         let hierarchies = hierarchies::measure(self)?;
         let streams = streams::measure(self)?;
         let figure = figure::measure(self)?;
-        let tables = [
-            hierarchies::tables(&hierarchies),
-            vec![streams::table(&streams), figure::table(&figure)],
-        ]
-        .concat();
+        let mut tables = hierarchies::tables(&hierarchies);
+        tables.extend([streams::table(&streams), figure::table(&figure)]);
         Ok((tables, json!({ "hierarchies": hierarchies, "streams": streams, "figure": figure })))
     }
 

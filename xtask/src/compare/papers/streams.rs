@@ -68,7 +68,8 @@ pub fn table(measured: &Value) -> String {
         lines.push(cells);
     }
     format!(
-        "Stream decimation, Table 1: rate and memory, through a pipe from the generator\n{}",
-        aligned(&lines)
+        "Stream decimation, Table 1: rate and memory, through a pipe from the generator\n{}{}",
+        aligned(&lines),
+        if lines.len() < STREAMS.len() + 1 { "larger ones by --largest\n" } else { "" }
     )
 }
