@@ -39,7 +39,7 @@ pub struct SessionOptions {
     /// Splits and collapses of a frame at most; what is left, the least wrong, is done in the next ones. Default 4000.
     pub max_updates: usize,
     /// Time for splits, and half as much for collapses, of a frame at most, where loaders read: without them frames wait
-    /// anyway, and are the same on every machine. Default 2 ms.
+    /// anyway, and are the same on every machine. Default 1.25 ms.
     pub max_update_time: Duration,
     /// Frames that a vertex takes to its place after a split, and back before a collapse; 0, the default, for none.
     pub geomorph_frames: u32,
@@ -51,7 +51,7 @@ impl Default for SessionOptions {
             dependencies: Dependencies::Order,
             test: ViewTest::Deviation,
             max_updates: 4000,
-            max_update_time: Duration::from_millis(2),
+            max_update_time: Duration::from_micros(1250),
             geomorph_frames: 0,
         }
     }

@@ -104,7 +104,7 @@ pub struct FlyArgs {
     #[arg(long, value_name = "N", default_value_t = SessionOptions::default().max_updates)]
     max_updates: usize,
     /// Milliseconds that the splits of a frame may take, the collapses half as many; what is left is done in the next frames
-    #[arg(long, value_name = "MS", default_value = "2", value_parser = values::positive)]
+    #[arg(long, value_name = "MS", default_value = "1.25", value_parser = values::positive)]
     update_time: f64,
     /// Frames over which a vertex moves to its place, or back
     #[arg(long, value_name = "N", default_value = "0")]
