@@ -62,3 +62,17 @@ pub fn topology(num_vertices: usize, triangles: &[[u32; 3]]) -> (i64, usize) {
     let edges = (3 * triangles.len() + boundary) / 2;
     (num_vertices as i64 - edges as i64 + triangles.len() as i64, boundary)
 }
+
+/// What `cargo metadata` says of the workspace's own packages.
+///
+/// # Panics
+/// When cargo does not say it.
+pub fn packages() -> Vec<serde_json::Value> {
+    let output = std::process::Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("cargo runs");
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    metadata["packages"].as_array().expect("a list").clone()
+}

@@ -1,6 +1,7 @@
 //! One mesh: who builds a hierarchy of it how, how large it is, and how good a level of it.
 
 use std::fs;
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -27,15 +28,8 @@ pub fn run(
     let reference = contender::reference();
     let attempt = &mut |contender: &Contender| attempt(input, contender);
     let (alone, beside) = runs::in_turn(&reference, contenders, repeat, attempt)?;
-    let mut rows = Vec::new();
-    for (contender, runs) in
-        std::iter::once((&reference, alone)).chain(contenders.iter().zip(beside))
-    {
-        rows.push(match runs {
-            Err(why) => json!({ "name": contender.name, "failure": why }),
-            Ok(runs) => row(input, contender, &runs, ratio)?,
-        });
-    }
+    let outcomes = iter::once((&reference, alone)).chain(contenders.iter().zip(beside));
+    let rows = runs::rows(outcomes, |contender, runs| row(input, contender, runs, ratio))?;
     Ok(json!({
         "file": input.file.file_name().map(|name| name.to_string_lossy()),
         "input_triangles": input.triangles,

@@ -1,5 +1,6 @@
 //! One mesh and one ratio: who decimates it how, and what came of it.
 
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -73,15 +74,8 @@ impl<'a> Contest<'a> {
         let (reference, repeat) = (contender::reference(), self.repeat);
         let attempt = &mut |contender: &Contender| self.attempt(contender);
         let (alone, beside) = runs::in_turn(&reference, contenders, repeat, attempt)?;
-        let mut rows = Vec::new();
-        for (contender, runs) in
-            std::iter::once((&reference, alone)).chain(contenders.iter().zip(beside))
-        {
-            rows.push(match runs {
-                Err(why) => json!({ "name": contender.name, "failure": why }),
-                Ok(runs) => self.row(contender, &runs),
-            });
-        }
+        let outcomes = iter::once((&reference, alone)).chain(contenders.iter().zip(beside));
+        let rows = runs::rows(outcomes, |contender, runs| Ok(self.row(contender, runs)))?;
         Ok(json!({
             "file": self.input.file.file_name().map(|name| name.to_string_lossy()),
             "input_triangles": self.input.triangles,

@@ -83,6 +83,23 @@ pub fn in_turn(
     Ok((alone, beside))
 }
 
+/// The results as JSON, one for each that took part: what `row` makes of its runs, or why it failed.
+///
+/// # Errors
+/// Those of `row`.
+pub fn rows<'a>(
+    outcomes: impl IntoIterator<Item = (&'a Contender, Outcome)>,
+    row: impl Fn(&Contender, &Runs) -> Result<Value, Error>,
+) -> Result<Vec<Value>, Error> {
+    let outcomes = outcomes.into_iter();
+    outcomes
+        .map(|(contender, outcome)| match outcome {
+            Err(why) => Ok(json!({ "name": contender.name, "failure": why })),
+            Ok(runs) => row(contender, &runs),
+        })
+        .collect()
+}
+
 /// Nothing, or why a run failed.
 type Done = Result<(), String>;
 
