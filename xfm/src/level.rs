@@ -69,7 +69,7 @@ pub fn extract<S: NodeStore>(
             }
             Wanted::Faces(faces, way) => {
                 let mut limits = UpdateLimits::with_tolerance(-1.0);
-                limits.max_triangles = faces;
+                (limits.max_triangles, limits.exactly) = (faces, true);
                 match way {
                     Way::Build => front.update(store, |node| node.order as f32, &limits),
                     Way::Deviation => front.update(store, |node| node.deviation, &limits),

@@ -197,7 +197,8 @@ fn look_at(nasty: &Nasty, folder: &Folder, [input, file]: [&str; 2], encoding: &
     }
     for detail in [["--pixels", "1"], ["--budget", "300"]] {
         let flown = [&["fly", file, "--frames", "4", "--size", "300x200"], &detail[..]].concat();
-        succeed(nasty, &flown);
+        let settling = &succeed(nasty, &flown)["settling"];
+        assert!(settling.is_object(), "{}: {flown:?} does not come to rest", nasty.name);
     }
     // Where distances are no numbers, or averages of nothing, that is said.
     let compared = run(nasty, &["diff", &mesh, input, "--samples", "300"]);

@@ -18,9 +18,11 @@ pub struct UpdateLimits {
     /// Split nodes whose error is below this share of the tolerance are collapsed. Below 1 it keeps nodes at the
     /// tolerance from going back and forth. Default 0.8.
     pub hysteresis: f32,
-    /// No node is split once there are so many triangles, not for another's sake either: one more where a split adds two. Default:
-    /// no limit.
+    /// No node is split once there are so many triangles; what is split for another's sake may go beyond. Default: no limit.
     pub max_triangles: usize,
+    /// Whether that many are not exceeded for another's sake either, but by one where a split adds two. For a single update: what
+    /// was then split in vain would be collapsed by the next one, again and again. Default no.
+    pub exactly: bool,
     /// No node is split once so many splits and collapses were made, and none collapsed once half as many were; what is
     /// left, the least wrong, is for the next update, and so is what a collapse made possible elsewhere. Default: no limit.
     pub max_updates: usize,
@@ -35,6 +37,7 @@ impl Default for UpdateLimits {
             tolerance: 1.0,
             hysteresis: 0.8,
             max_triangles: usize::MAX,
+            exactly: false,
             max_updates: usize::MAX,
             max_time: Duration::MAX,
         }
@@ -351,7 +354,7 @@ impl<S: NodeStore, M: ErrorMeasure> Update<'_, S, M> {
                 // Split meanwhile, for another's sake.
                 continue;
             }
-            let most = self.limits.max_triangles;
+            let most = if self.limits.exactly { self.limits.max_triangles } else { usize::MAX };
             match self.front.split_at(self.store, id, Some(vertex), error, most) {
                 Ok(()) => {}
                 Err(blocked) if blocked.is_for_good(self.store) => {
