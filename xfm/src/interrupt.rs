@@ -4,14 +4,15 @@
 //! process ends in the middle of it, runs [`freely`]: then the signal ends the process by itself.
 
 use std::io::{IsTerminal, stderr};
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::report::say;
 use crate::{Error, one_line};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-static FREE: AtomicU32 = AtomicU32::new(0);
+/// How many do work during which the process may end. Who ends it holds the lock, so that none of them goes on meanwhile.
+static FREE: Mutex<u32> = Mutex::new(0);
 static INSTALLED: OnceLock<()> = OnceLock::new();
 
 /// Arranges for signals to set the flag instead of killing the process, so that scratch files are removed. A second
@@ -20,7 +21,8 @@ pub fn install() {
     INSTALLED.get_or_init(|| {
         let installed = ctrlc::set_handler(|| {
             let again = INTERRUPTED.swap(true, Ordering::SeqCst);
-            if again || FREE.load(Ordering::SeqCst) > 0 {
+            let free = lock_free();
+            if again || *free > 0 {
                 leave();
             }
         });
@@ -28,6 +30,10 @@ pub fn install() {
             say(&format!("warning: Ctrl-C will not clean up: {}", one_line(&error)));
         }
     });
+}
+
+fn lock_free() -> MutexGuard<'static, u32> {
+    FREE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Ends the process as a command broken off by Ctrl-C ends it.
@@ -61,10 +67,10 @@ pub fn freely<T>(work: impl FnOnce() -> T) -> T {
     struct Free;
     impl Drop for Free {
         fn drop(&mut self) {
-            FREE.fetch_sub(1, Ordering::SeqCst);
+            *lock_free() -= 1;
         }
     }
-    FREE.fetch_add(1, Ordering::SeqCst);
+    *lock_free() += 1;
     let _free = Free;
     // A signal may have come between the caller's last look and the line above.
     if is_requested() {
