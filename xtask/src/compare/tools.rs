@@ -29,7 +29,7 @@ const DECIMATER: Names = &["OpenMesh-commandlineDecimater", "commandlineDecimate
 const BALANCED: Names = &["OpenMesh-mkbalancedpm", "mkbalancedpm"];
 const ANALYZER: Names = &["OpenMesh-Analyzer", "Analyzer", "vdpmanalyzer"];
 const NEXUS_BUILD: Names = &["nxsbuild"];
-const NEXUS_COMPRESS: Names = &["nxscompress", "nxsedit"];
+const NEXUS_COMPRESS: Names = &["nxscompress"];
 
 impl Tools {
     /// What the table calls it.
