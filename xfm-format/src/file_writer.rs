@@ -40,8 +40,8 @@ pub struct WriteOptions {
     /// it.
     pub page_nodes: Option<usize>,
     /// Nodes at most of a connected piece of a tree that lies in one page as a whole, up to those of a page; a page holds pieces
-    /// that hang under the same page. Small ones have a view touch few pages: of a piece that is touched all of its page comes. Large ones make the encoding [`Encoding::Compact`] smaller. By default blocks for
-    /// [`Encoding::Exact`], 200 for the other.
+    /// that hang under the same page. Small ones have a view touch few pages: of a piece that is touched all of its page comes.
+    /// Large ones make the encoding [`Encoding::Compact`] smaller. By default blocks for [`Encoding::Exact`], 200 for the other.
     pub piece_nodes: Option<usize>,
     /// Where the origin of the positions lies in the frame of the input, in model units. Default zero.
     pub origin: DVec3,

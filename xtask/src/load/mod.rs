@@ -32,8 +32,8 @@ Examples:
   cargo xtask load
   cargo xtask load scan.xfm --minutes 60 --quota 8MiB --seed 7
 Five flights: with threads that load, from storage that takes 2 ms for each read, for as long as asked for; and for a quarter of that
-each without such threads, with as many frames as there can be, over a damaged copy, and over one that is cut short under way. Table, results.json and memory.svg are left
-in target/load.")]
+each without such threads, with as many frames as there can be, over a damaged copy, and over one that is cut short under way.
+Table, results.json and memory.svg are left in target/load.")]
 pub struct Arguments {
     /// The model, as .xfm or as a mesh; without it a torus of two million triangles is generated.
     file: Option<PathBuf>,
